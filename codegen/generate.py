@@ -44,6 +44,7 @@ from codegen.render.selftest import SelfTest, render_control_selftest, render_fi
 from codegen.render.supervisor import draw_supervisor, module_context, render_supervisor
 from codegen.targets.find import find_target
 from codegen.targets.numbers import FLOAT64, NumberFormat
+from model.alignment import aligns
 from model.filters import FilterStep, build_filter
 from model.inverter import OF_LEGS
 from model.machines.state_space import StateSpaceModel, build, default_initial_state

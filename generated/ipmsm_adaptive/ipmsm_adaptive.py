@@ -167,8 +167,8 @@ def _set_status_bits(f, x, LD, check, status):
     of LD or the mean is not a number or beyond SANE_LIMIT: the sum of their squares in that unit is then above 1 or no
     number. Returns x, LD and the status.
     """
-    ordinary = (((status & COVARIANCE_REPAIRED) == 0) & (check[0] * check[0] <= SANE_LIMIT * SANE_LIMIT) &
-        (f.nis < f.nis_max))
+    ordinary = ((check[0] * check[0] <= SANE_LIMIT * SANE_LIMIT) & (f.nis < f.nis_max) &
+        ((status & COVARIANCE_REPAIRED) == 0))
     if np.all(ordinary):
         return x, LD, status
     size = check[0] * PER_SANE_LIMIT
@@ -186,38 +186,33 @@ def _set_status_bits(f, x, LD, check, status):
 
 
 def _sin_cos_f32(x):
-    ROUND = 12582912.0
-    ROUND_EVEN = 25165824.0
-    # --- x = k pi + r with |r| <= pi / 2, pi in two parts
-    k = x * 0.3183098861837907 + ROUND - ROUND
-    r = x - k * 3.1416015625 - k * -8.90890987648163e-06
-    # --- the sign is -1 for odd k
-    odd = k - (k + ROUND_EVEN - ROUND_EVEN)
-    sign = 1.0 - 2.0 * (odd * odd)
-    # --- minimax polynomials in z = r^2
-    z = r * r
-    return sign * (r + r * z * (((2.5999032895283066e-06 * z + -0.00019806547121805626) * z +
-        0.008333016355659941) * z + -0.1666665705860025)), sign * (1.0 - 0.5 * z +
-        z * z * (((-2.619248419059995e-07 * z + 2.4769240676692124e-05) * z + -0.0013888568213324846) * z +
-        0.0416666557299502))
+    # --- s = 2 sin(x / 2), c = cos(x / 2), minimax polynomials in z = x^2
+    z = x * x
+    s = (x * ((((1.0156463938480244e-08 * z + -3.0947836252608927e-06) * z + 0.0005208135807231987) * z +
+        -0.0416666427412639) * z + 1.0))
+    c = ((((9.060307223557621e-08 * z + -2.1649886225831018e-05) * z + 0.002603999340927905) * z +
+        -0.12499983073263368) * z + 1.0)
+    return s * c, 2.0 * (c * c) - 1.0
 
 
 def _wrap_angle_f32(x):
     ROUND = 12582912.0
     BELOW_PI = 3.141592502593994
+    INSIDE = 9.8696
     # --- r = x - 2 pi turns, kept inside, where x is not inside itself
     turns = x * 0.15915494309189535 + ROUND - ROUND
     r = x - turns * 6.283203125 - turns * -1.781781975296326e-05
-    return np.where(_larger(x, -x) <= 3.14159, x, _larger(_smaller(r, BELOW_PI), -3.141592502593994))[()]
+    return np.where(x * x <= INSIDE, x, _larger(_smaller(r, BELOW_PI), -3.141592502593994))[()]
 
 
 def _wrap_angle_f64(x):
     ROUND = 6755399441055744.0
     BELOW_PI = 3.1415926535897927
+    INSIDE = 9.8696
     # --- r = x - 2 pi turns, kept inside, where x is not inside itself
     turns = x * 0.15915494309189535 + ROUND - ROUND
     r = x - turns * 6.2831853069365025 - turns * 2.430840202602477e-10
-    return np.where(_larger(x, -x) <= 3.14159, x, _larger(_smaller(r, BELOW_PI), -3.1415926535897927))[()]
+    return np.where(x * x <= INSIDE, x, _larger(_smaller(r, BELOW_PI), -3.1415926535897927))[()]
 
 
 def _sin_cos_f64(x):
@@ -343,8 +338,19 @@ def new_filter(dtype=np.float32, **tuning):
     return f
 
 
+def _size(value):
+    """|value|, lane by lane, in whose order stand the bits without sign that C compares; NaN is below nothing."""
+    return _larger(value, -value)
+
+
 def _within(values, limit):
-    """Both values are numbers within +-limit, lane by lane; NaN and infinity are not. By squares, as in C."""
+    """Both values are numbers within +-limit, lane by lane; NaN and infinity are not."""
+    most = _size(limit)
+    return (_size(values[0]) <= most) & (_size(values[1]) <= most)
+
+
+def _is_within(values, limit):
+    """The same by squares, as the controller does."""
     most = limit * limit
     return (values[0] * values[0] <= most) & (values[1] * values[1] <= most)
 
@@ -390,7 +396,8 @@ def time_update(x, LD, Q, u, turn, math, stages=None):
     odd_omega_e_0 = POLE_PAIRS * L_10
     theta_mid = HALF_T * omega_e + theta
     odd_theta_mid_0 = 1.0 + HALF_T * odd_omega_e_0
-    sin_theta_mid, cos_theta_mid = math.sin_cos(theta_mid)
+    theta_mid_wrapped = math.wrap(theta_mid)
+    sin_theta_mid, cos_theta_mid = math.sin_cos(theta_mid_wrapped)
     psi_d_mid = cos_theta_mid * psi_alpha + sin_theta_mid * psi_beta
     n_D_0 = D_theta * 7.0
     sind_theta_mid_0 = odd_theta_mid_0 * sinc_theta_mid_0
@@ -434,16 +441,15 @@ def time_update(x, LD, Q, u, turn, math, stages=None):
     psi_q_between = 0.5 * (psi_q_mid + psi_q_next)
     even_psi_q_between_0 = 0.5 * (even_psi_q_mid_0 + even_psi_q_next_0)
     odd_psi_q_between_0 = 0.5 * (odd_psi_q_mid_0 + odd_psi_q_next_0)
-    part_of_even_torque_0 = magnet_flux * GAIN_TORQUE_INV_L_D - psi_d_between * GAIN_TORQUE_SALIENCY
-    part_of_even_torque_0_2 = GAIN_TORQUE_SALIENCY_BY2 * (even_psi_d_mid_0 + even_psi_d_next_0)
+    part_of_omega_pred = magnet_flux * GAIN_TORQUE_INV_L_D - GAIN_TORQUE_SALIENCY * psi_d_between
+    part_of_even_torque_0 = GAIN_TORQUE_SALIENCY_BY2 * (even_psi_d_mid_0 + even_psi_d_next_0)
     total_psi_q_between_0 = psi_q_between + even_psi_q_between_0
-    part_of_even_torque_0_3 = (L_30 * GAIN_TORQUE_INV_L_D -
+    part_of_even_torque_0_2 = (L_30 * GAIN_TORQUE_INV_L_D -
         GAIN_TORQUE_SALIENCY_BY2 * (odd_psi_d_mid_0 + odd_psi_d_next_0))
-    even_torque_0 = (part_of_even_torque_0 * even_psi_q_between_0 -
-        part_of_even_torque_0_2 * total_psi_q_between_0 +
-        n_D_0 * part_of_even_torque_0_3 * odd_psi_q_between_0)
-    odd_torque_0 = (odd_psi_q_between_0 * (part_of_even_torque_0 - part_of_even_torque_0_2) +
-        total_psi_q_between_0 * part_of_even_torque_0_3)
+    even_torque_0 = (part_of_omega_pred * even_psi_q_between_0 - part_of_even_torque_0 * total_psi_q_between_0
+        + n_D_0 * part_of_even_torque_0_2 * odd_psi_q_between_0)
+    odd_torque_0 = (odd_psi_q_between_0 * (part_of_omega_pred - part_of_even_torque_0) +
+        total_psi_q_between_0 * part_of_even_torque_0_2)
     n_D_1 = 7.0 * D_omega
     sind_theta_mid_1 = HALF_T_POLE_PAIRS * sinc_theta_mid_1
     n_D_sind_theta_mid_1 = n_D_1 * sind_theta_mid_1
@@ -473,9 +479,9 @@ def time_update(x, LD, Q, u, turn, math, stages=None):
     total_psi_q_between_1 = psi_q_between + even_psi_q_between_1
     part_of_even_torque_1_2 = (L_31 * GAIN_TORQUE_INV_L_D -
         GAIN_TORQUE_SALIENCY_BY2 * (odd_psi_d_mid_1 + odd_psi_d_next_1))
-    even_torque_1 = (part_of_even_torque_0 * even_psi_q_between_1 -
-        part_of_even_torque_1 * total_psi_q_between_1 + n_D_1 * part_of_even_torque_1_2 * odd_psi_q_between_1)
-    odd_torque_1 = (odd_psi_q_between_1 * (part_of_even_torque_0 - part_of_even_torque_1) +
+    even_torque_1 = (part_of_omega_pred * even_psi_q_between_1 - part_of_even_torque_1 * total_psi_q_between_1
+        + n_D_1 * part_of_even_torque_1_2 * odd_psi_q_between_1)
+    odd_torque_1 = (odd_psi_q_between_1 * (part_of_omega_pred - part_of_even_torque_1) +
         total_psi_q_between_1 * part_of_even_torque_1_2)
     odd_psi_d_mid_2 = cos_theta_mid * L_42 + sin_theta_mid * L_52
     odd_psi_q_mid_2 = cos_theta_mid * L_52 - sin_theta_mid * L_42
@@ -494,9 +500,8 @@ def time_update(x, LD, Q, u, turn, math, stages=None):
     part_of_even_torque_2 = (L_32 * GAIN_TORQUE_INV_L_D -
         GAIN_TORQUE_SALIENCY_BY2 * (odd_psi_d_mid_2 + odd_psi_d_next_2))
     even_torque_2 = (minus_even_psi_d_next_2_scaled * total_psi_q_between_2 -
-        part_of_even_torque_0 * minus_even_psi_q_between_2 +
-        n_D_2 * part_of_even_torque_2 * odd_psi_q_between_2)
-    odd_torque_2 = (odd_psi_q_between_2 * (part_of_even_torque_0 + minus_even_psi_d_next_2_scaled) +
+        part_of_omega_pred * minus_even_psi_q_between_2 + n_D_2 * part_of_even_torque_2 * odd_psi_q_between_2)
+    odd_torque_2 = (odd_psi_q_between_2 * (part_of_omega_pred + minus_even_psi_d_next_2_scaled) +
         total_psi_q_between_2 * part_of_even_torque_2)
     odd_psi_d_mid_3 = cos_theta_mid * L_43 + sin_theta_mid * L_53
     odd_psi_q_mid_3 = cos_theta_mid * L_53 - sin_theta_mid * L_43
@@ -505,7 +510,7 @@ def time_update(x, LD, Q, u, turn, math, stages=None):
     odd_psi_q_between_3 = 0.5 * (odd_psi_q_mid_3 + odd_psi_q_next_3)
     part_of_curv_omega_3 = (GAIN_TORQUE_INV_L_D -
         GAIN_TORQUE_SALIENCY_BY2 * (odd_psi_d_mid_3 + odd_psi_d_next_3))
-    odd_torque_3 = part_of_even_torque_0 * odd_psi_q_between_3 + psi_q_between * part_of_curv_omega_3
+    odd_torque_3 = part_of_omega_pred * odd_psi_q_between_3 + psi_q_between * part_of_curv_omega_3
     odd_psi_d_mid_4 = cos_theta_mid + sin_theta_mid * L_54
     odd_psi_q_mid_4 = cos_theta_mid * L_54 - sin_theta_mid
     odd_psi_d_next_4 = part_of_even_psi_d_next_0 * odd_psi_d_mid_4
@@ -513,13 +518,12 @@ def time_update(x, LD, Q, u, turn, math, stages=None):
     odd_psi_q_between_4 = 0.5 * (odd_psi_q_mid_4 + odd_psi_q_next_4)
     odd_psi_d_mid_plus_next_4 = odd_psi_d_mid_4 + odd_psi_d_next_4
     psi_q_between_scaled = psi_q_between * GAIN_TORQUE_SALIENCY_BY2
-    odd_torque_4 = (part_of_even_torque_0 * odd_psi_q_between_4 -
-        odd_psi_d_mid_plus_next_4 * psi_q_between_scaled)
+    odd_torque_4 = part_of_omega_pred * odd_psi_q_between_4 - odd_psi_d_mid_plus_next_4 * psi_q_between_scaled
     odd_psi_d_next_5 = sin_theta_mid * part_of_even_psi_d_next_0
     odd_psi_q_next_5 = cos_theta_mid * part_of_odd_psi_q_next_0
     odd_psi_q_between_5 = 0.5 * (cos_theta_mid + odd_psi_q_next_5)
     part_of_curv_omega_sum = sin_theta_mid + odd_psi_d_next_5
-    odd_torque_5 = part_of_even_torque_0 * odd_psi_q_between_5 - part_of_curv_omega_sum * psi_q_between_scaled
+    odd_torque_5 = part_of_omega_pred * odd_psi_q_between_5 - part_of_curv_omega_sum * psi_q_between_scaled
     total_psi_d_next_0 = psi_d_next + even_psi_d_next_0
     even_psi_alpha_next_0 = (even_psi_d_next_0 + cosm1_theta_mid_0 * total_psi_d_next_0 -
         n_D_sind_theta_mid_0 * odd_psi_q_next_0)
@@ -754,8 +758,7 @@ def time_update(x, LD, Q, u, turn, math, stages=None):
     psi_beta_mean = psi_q_next + curv_psi_beta_mean
     psi_alpha_pred = cos_theta_mid * psi_alpha_mean - sin_theta_mid * psi_beta_mean
     psi_beta_pred = sin_theta_mid * psi_alpha_mean + cos_theta_mid * psi_beta_mean
-    omega_of_x = ((magnet_flux * GAIN_TORQUE_INV_L_D -
-        GAIN_TORQUE_SALIENCY * psi_d_between) * GAIN_OMEGA * psi_q_between - GAIN_OMEGA * load_torque + omega)
+    omega_of_x = part_of_omega_pred * GAIN_OMEGA * psi_q_between - GAIN_OMEGA * load_torque + omega
     omega_pred = omega_of_x + offset_omega
     theta_pred = theta_mid + omega_of_x * HALF_T_POLE_PAIRS + offset_theta
     magnet_flux_pred = magnet_flux * ONE_MINUS_RETURN + OWN_MAGNET_FLUX_RETURN
@@ -809,7 +812,8 @@ def ckf_measurement_update(x_pred, LD_pred, R, y, turn_pred, math, stages=None):
     (sinc_theta_0, cosm1_theta_0) = turn_pred
 
     # --- eq. 20: along column c the image is base + even_c +- s_c odd_c, s_c^2 = n D_c
-    sin_theta_pred, cos_theta_pred = math.sin_cos(theta_pred)
+    theta_pred_wrapped = math.wrap(theta_pred)
+    sin_theta_pred, cos_theta_pred = math.sin_cos(theta_pred_wrapped)
     psi_d_pred = cos_theta_pred * psi_alpha_pred + sin_theta_pred * psi_beta_pred
     D_sind_theta_0 = D_pred_theta * sinc_theta_0
     odd_psi_beta_turned_0 = cos_theta_pred * L_pred_50 - sin_theta_pred * L_pred_40
@@ -854,7 +858,7 @@ def ckf_measurement_update(x_pred, LD_pred, R, y, turn_pred, math, stages=None):
     noise_10 = (cos_theta_pred * sin_theta_pred * (R_1 - R_0) +
         curv_y_i_beta_mean * even_y_i_alpha_0 * ONE_MINUS_PAIR_WEIGHT)
 
-    # --- eq. 25: y - y_pred, in the rotor's frame; theta wrapped, adaptive states within their tolerance
+    # --- eq. 25: y - y_pred, in the rotor's frame; adaptive states within their tolerance
     innovation_i_alpha = (cos_theta_pred * i_alpha_meas + sin_theta_pred * i_beta_meas - INV_L_Q * psi_d_pred
         - i_salient_pred - curv_y_i_alpha_mean)
     innovation_i_beta = (cos_theta_pred * i_beta_meas - sin_theta_pred * i_alpha_meas -
@@ -862,18 +866,18 @@ def ckf_measurement_update(x_pred, LD_pred, R, y, turn_pred, math, stages=None):
     noise_10_per_noise_00 = noise_10 / noise_00
     HL_05 = INV_L_Q_PLUS_SALIENCY * sin_theta_pred
     g_first_5 = HL_05 * D_pred_psi_beta
-    var_first_5 = _larger(noise_00 + HL_05 * g_first_5, noise_00)
+    var_first_5 = noise_00 + HL_05 * g_first_5
     HL_04 = INV_L_Q_PLUS_SALIENCY * odd_psi_d_pred_4
     g_first_4 = D_pred_psi_alpha * HL_04
-    var_first_4 = _larger(var_first_5 + HL_04 * g_first_4, noise_00)
+    var_first_4 = var_first_5 + HL_04 * g_first_4
     g_first_3 = D_pred_magnet_flux * odd_y_i_alpha_3
-    var_first_3 = _larger(var_first_4 + odd_y_i_alpha_3 * g_first_3, noise_00)
+    var_first_3 = var_first_4 + odd_y_i_alpha_3 * g_first_3
     g_first_2 = D_pred_stator_resistance * odd_y_i_alpha_2
-    var_first_2 = _larger(var_first_3 + odd_y_i_alpha_2 * g_first_2, noise_00)
+    var_first_2 = var_first_3 + odd_y_i_alpha_2 * g_first_2
     g_first_1 = D_pred_omega * odd_y_i_alpha_1
-    var_first_1 = _larger(var_first_2 + odd_y_i_alpha_1 * g_first_1, noise_00)
+    var_first_1 = var_first_2 + odd_y_i_alpha_1 * g_first_1
     g_first_0 = D_pred_theta * odd_y_i_alpha_0
-    var_first = _larger(var_first_1 + odd_y_i_alpha_0 * g_first_0, noise_00)
+    var_first = var_first_1 + odd_y_i_alpha_0 * g_first_0
     one_per_var_first = 1.0 / var_first
     nu_by_var_first = innovation_i_alpha * one_per_var_first
     HL_15_apart = odd_y_i_beta_5 - HL_05 * noise_10_per_noise_00
@@ -893,36 +897,36 @@ def ckf_measurement_update(x_pred, LD_pred, R, y, turn_pred, math, stages=None):
     D_pred_psi_beta_per_var_first_5 = D_pred_psi_beta / var_first_5
     D_first_5 = noise_00 * D_pred_psi_beta_per_var_first_5
     g_second_5 = HL_15_apart * D_first_5
-    var_second_5 = _larger(R_second + HL_15_apart * g_second_5, R_second)
+    var_second_5 = R_second + HL_15_apart * g_second_5
     change_first_54 = (INV_L_Q_PLUS_SALIENCY_SQ * sin_theta_pred * odd_psi_d_pred_4 * D_pred_psi_beta_per_var_first_5)
     f_second_4 = HL_14_apart - HL_15_apart * change_first_54
     one_per_var_first_4 = 1.0 / var_first_4
     D_first_4 = var_first_5 * (D_pred_psi_alpha * one_per_var_first_4)
     g_second_4 = D_first_4 * f_second_4
-    var_second_4 = _larger(var_second_5 + f_second_4 * g_second_4, R_second)
+    var_second_4 = var_second_5 + f_second_4 * g_second_4
     lambda_first_3 = odd_y_i_alpha_3 * one_per_var_first_4
     f_second_3 = HL_13_apart - lambda_first_3 * gain_first_y4
     one_per_var_first_3 = 1.0 / var_first_3
     D_first_3 = var_first_4 * (D_pred_magnet_flux * one_per_var_first_3)
     g_second_3 = D_first_3 * f_second_3
-    var_second_3 = _larger(var_second_4 + f_second_3 * g_second_3, R_second)
+    var_second_3 = var_second_4 + f_second_3 * g_second_3
     lambda_first_2 = odd_y_i_alpha_2 * one_per_var_first_3
     f_second_2 = HL_12_apart - lambda_first_2 * gain_first_y3
     one_per_var_first_2 = 1.0 / var_first_2
     D_first_2 = var_first_3 * (D_pred_stator_resistance * one_per_var_first_2)
     g_second_2 = D_first_2 * f_second_2
-    var_second_2 = _larger(var_second_3 + f_second_2 * g_second_2, R_second)
+    var_second_2 = var_second_3 + f_second_2 * g_second_2
     lambda_first_1 = odd_y_i_alpha_1 * one_per_var_first_2
     f_second_1 = HL_11_apart - lambda_first_1 * gain_first_y2
     one_per_var_first_1 = 1.0 / var_first_1
     D_first_1 = var_first_2 * (D_pred_omega * one_per_var_first_1)
     g_second_1 = D_first_1 * f_second_1
-    var_second_1 = _larger(var_second_2 + f_second_1 * g_second_1, R_second)
+    var_second_1 = var_second_2 + f_second_1 * g_second_1
     lambda_first_0 = odd_y_i_alpha_0 * one_per_var_first_1
     f_second_0 = HL_10_apart - lambda_first_0 * gain_first_y1
     D_first_0 = var_first_1 * (D_pred_theta * one_per_var_first)
     g_second_0 = D_first_0 * f_second_0
-    var_second = _larger(var_second_1 + f_second_0 * g_second_0, R_second)
+    var_second = var_second_1 + f_second_0 * g_second_0
     gain_first_43 = g_first_4 + L_pred_43 * g_first_3
     gain_first_42 = gain_first_43 + L_pred_42 * g_first_2
     gain_first_41 = gain_first_42 + L_pred_41 * g_first_1
@@ -955,7 +959,7 @@ def ckf_measurement_update(x_pred, LD_pred, R, y, turn_pred, math, stages=None):
     L_first_10 = L_pred_10 - g_first_1 * lambda_first_0
     omega_new = (nu_by_var_first * (g_first_1 + g_first_0 * L_pred_10) +
         nu_by_var_second * (g_second_1 + g_second_0 * L_first_10) + omega_pred)
-    theta_new = math.wrap(g_first_0 * nu_by_var_first + g_second_0 * nu_by_var_second + theta_pred)
+    theta_new = g_first_0 * nu_by_var_first + g_second_0 * nu_by_var_second + theta_pred
     gain_first_64 = g_first_5 * L_pred_65 + g_first_4 * L_pred_64
     gain_first_63 = gain_first_64 + g_first_3 * L_pred_63
     gain_first_62 = gain_first_63 + g_first_2 * L_pred_62
@@ -1054,9 +1058,9 @@ def coast(x_pred, LD_pred, math, stages=None):
         L_pred_61, L_pred_62, L_pred_63, L_pred_64, L_pred_65, D_pred_load_torque) = LD_pred
 
     return (
-        (psi_alpha_pred, psi_beta_pred, omega_pred, math.wrap(theta_pred), load_torque_pred,
-            _larger(LEAST_MAGNET_FLUX, _smaller(MOST_MAGNET_FLUX, magnet_flux_pred)),
-            _larger(LEAST_STATOR_RESISTANCE, _smaller(MOST_STATOR_RESISTANCE, stator_resistance_pred)),),
+        (psi_alpha_pred, psi_beta_pred, omega_pred, theta_pred, load_torque_pred, _larger(LEAST_MAGNET_FLUX,
+            _smaller(MOST_MAGNET_FLUX, magnet_flux_pred)), _larger(LEAST_STATOR_RESISTANCE,
+            _smaller(MOST_STATOR_RESISTANCE, stator_resistance_pred)),),
         (D_pred_theta, L_pred_10, D_pred_omega, L_pred_20, L_pred_21, D_pred_stator_resistance, L_pred_30,
             L_pred_31, L_pred_32, D_pred_magnet_flux, L_pred_40, L_pred_41, L_pred_42, L_pred_43,
             D_pred_psi_alpha, L_pred_50, L_pred_51, L_pred_52, L_pred_53, L_pred_54, D_pred_psi_beta,
@@ -1103,7 +1107,8 @@ def ickf_iterate(x_j, x_pred, LD_pred, R, y, math, stages=None):
     deviation_theta = theta_pred - theta_j
 
     # --- eq. 20: Jacobian
-    sin_theta_j, cos_theta_j = math.sin_cos(theta_j)
+    theta_j_wrapped = math.wrap(theta_j)
+    sin_theta_j, cos_theta_j = math.sin_cos(theta_j_wrapped)
     cos_theta_j_times_saliency = cos_theta_j * SALIENCY
     saliency_times_sin_theta_j = SALIENCY * sin_theta_j
     i_salient_j = (cos_theta_j_times_saliency * psi_alpha_j + saliency_times_sin_theta_j * psi_beta_j -
@@ -1221,54 +1226,53 @@ def ickf_finish(x_j, LD_pred, R, HL, math, stages=None):
 
     # --- eq. 32
     g_first_5 = HL_05 * D_pred_psi_beta
-    var_first_5 = _larger(HL_05 * g_first_5 + R_0, R_0)
+    var_first_5 = HL_05 * g_first_5 + R_0
     g_first_4 = HL_04 * D_pred_psi_alpha
-    var_first_4 = _larger(var_first_5 + HL_04 * g_first_4, R_0)
+    var_first_4 = var_first_5 + HL_04 * g_first_4
     g_first_3 = HL_03 * D_pred_magnet_flux
-    var_first_3 = _larger(var_first_4 + HL_03 * g_first_3, R_0)
+    var_first_3 = var_first_4 + HL_03 * g_first_3
     g_first_2 = HL_02 * D_pred_stator_resistance
-    var_first_2 = _larger(var_first_3 + HL_02 * g_first_2, R_0)
+    var_first_2 = var_first_3 + HL_02 * g_first_2
     g_first_1 = HL_01 * D_pred_omega
-    var_first_1 = _larger(var_first_2 + HL_01 * g_first_1, R_0)
-    var_first = _larger(var_first_1 + D_pred_theta * HL_00 * HL_00, R_0)
+    var_first_1 = var_first_2 + HL_01 * g_first_1
+    var_first = var_first_1 + D_pred_theta * HL_00 * HL_00
     D_pred_psi_beta_per_var_first_5 = D_pred_psi_beta / var_first_5
     D_first_5 = R_0 * D_pred_psi_beta_per_var_first_5
     g_second_5 = HL_15 * D_first_5
-    var_second_5 = _larger(HL_15 * g_second_5 + R_1, R_1)
+    var_second_5 = HL_15 * g_second_5 + R_1
     change_first_54 = HL_05 * HL_04 * D_pred_psi_beta_per_var_first_5
     f_second_4 = HL_14 - HL_15 * change_first_54
     one_per_var_first_4 = 1.0 / var_first_4
     D_first_4 = var_first_5 * (D_pred_psi_alpha * one_per_var_first_4)
     g_second_4 = f_second_4 * D_first_4
-    var_second_4 = _larger(var_second_5 + f_second_4 * g_second_4, R_1)
+    var_second_4 = var_second_5 + f_second_4 * g_second_4
     lambda_first_3 = HL_03 * one_per_var_first_4
     gain_first_y4 = g_first_5 * HL_15 + g_first_4 * HL_14
     f_second_3 = HL_13 - lambda_first_3 * gain_first_y4
     one_per_var_first_3 = 1.0 / var_first_3
     D_first_3 = var_first_4 * (D_pred_magnet_flux * one_per_var_first_3)
     g_second_3 = f_second_3 * D_first_3
-    var_second_3 = _larger(var_second_4 + f_second_3 * g_second_3, R_1)
+    var_second_3 = var_second_4 + f_second_3 * g_second_3
     lambda_first_2 = HL_02 * one_per_var_first_3
     gain_first_y3 = gain_first_y4 + g_first_3 * HL_13
     f_second_2 = HL_12 - lambda_first_2 * gain_first_y3
     one_per_var_first_2 = 1.0 / var_first_2
     D_first_2 = var_first_3 * (D_pred_stator_resistance * one_per_var_first_2)
     g_second_2 = f_second_2 * D_first_2
-    var_second_2 = _larger(var_second_3 + f_second_2 * g_second_2, R_1)
+    var_second_2 = var_second_3 + f_second_2 * g_second_2
     lambda_first_1 = HL_01 * one_per_var_first_2
     gain_first_y2 = gain_first_y3 + g_first_2 * HL_12
     f_second_1 = HL_11 - lambda_first_1 * gain_first_y2
     one_per_var_first_1 = 1.0 / var_first_1
     D_first_1 = var_first_2 * (D_pred_omega * one_per_var_first_1)
     g_second_1 = f_second_1 * D_first_1
-    var_second_1 = _larger(var_second_2 + f_second_1 * g_second_1, R_1)
+    var_second_1 = var_second_2 + f_second_1 * g_second_1
     D_first_0 = D_pred_theta * var_first_1 / var_first
     lambda_first_0 = HL_00 * one_per_var_first_1
     f_second_0 = HL_10 - lambda_first_0 * (gain_first_y2 + g_first_1 * HL_11)
-    var_second = _larger(var_second_1 + D_first_0 * f_second_0 * f_second_0, R_1)
+    var_second = var_second_1 + D_first_0 * f_second_0 * f_second_0
 
-    # --- eq. 34: theta wrapped, adaptive states within their tolerance
-    theta_new = math.wrap(theta_j)
+    # --- eq. 34: adaptive states within their tolerance
     magnet_flux_new = _larger(LEAST_MAGNET_FLUX, _smaller(MOST_MAGNET_FLUX, magnet_flux_j))
     stator_resistance_new = (_larger(LEAST_STATOR_RESISTANCE,
         _smaller(MOST_STATOR_RESISTANCE, stator_resistance_j)))
@@ -1349,10 +1353,10 @@ def ickf_finish(x_j, LD_pred, R, HL, math, stages=None):
     L_new_64 = L_first_64 - change_second_54 * L_pred_65
 
     if stages is not None:
-        stages["x"] = (psi_alpha_j, psi_beta_j, omega_j, theta_new, load_torque_j, magnet_flux_new,
+        stages["x"] = (psi_alpha_j, psi_beta_j, omega_j, theta_j, load_torque_j, magnet_flux_new,
             stator_resistance_new,)
     return (
-        (psi_alpha_j, psi_beta_j, omega_j, theta_new, load_torque_j, magnet_flux_new, stator_resistance_new,),
+        (psi_alpha_j, psi_beta_j, omega_j, theta_j, load_torque_j, magnet_flux_new, stator_resistance_new,),
         (D_new_theta, L_new_10, D_new_omega, L_new_20, L_new_21, D_new_stator_resistance, L_new_30, L_new_31,
             L_new_32, D_new_magnet_flux, L_new_40, L_new_41, L_new_42, L_new_43, D_new_psi_alpha, L_new_50,
             L_new_51, L_new_52, L_new_53, L_new_54, D_new_psi_beta, L_new_60, L_new_61, L_new_62, L_new_63,
@@ -1391,9 +1395,10 @@ def ckf_step(f, u, y, math, stages=None):
         coast_x, coast_LD = coast(x_pred, LD_pred, math, stages)
         x = _select(accepted, x, coast_x)
         LD = _select(accepted, LD, coast_LD)
-    # The sum of pivots, mean and states is no number if one of them is none.
-    check = (check[0] + f.nis + x[0] + x[1] + x[2] + x[3] + x[4] + x[5] + x[6],)
+    # The sum of pivots, mean and states is no number if one of them is none; theta, wrapped, is always one.
+    check = (check[0] + f.nis + x[0] + x[1] + x[2] + x[4] + x[5] + x[6],)
     x, LD, status = _set_status_bits(f, x, LD, check, status)
+    x = (*x[:3], math.wrap(x[3]), *x[4:])
     f.x, f.LD, f.u_held, f.iterations = x, LD, u_held, iterations
     return status
 
@@ -1445,9 +1450,10 @@ def ickf_step(f, u, y, math, stages=None):
         coast_x, coast_LD = coast(x_pred, LD_pred, math, stages)
         x = _select(accepted, x, coast_x)
         LD = _select(accepted, LD, coast_LD)
-    # The sum of pivots, mean and states is no number if one of them is none.
-    check = (check[0] + f.nis + x[0] + x[1] + x[2] + x[3] + x[4] + x[5] + x[6],)
+    # The sum of pivots, mean and states is no number if one of them is none; theta, wrapped, is always one.
+    check = (check[0] + f.nis + x[0] + x[1] + x[2] + x[4] + x[5] + x[6],)
     x, LD, status = _set_status_bits(f, x, LD, check, status)
+    x = (*x[:3], math.wrap(x[3]), *x[4:])
     f.x, f.LD, f.u_held, f.iterations = x, LD, u_held, iterations
     return status
 
@@ -1484,7 +1490,8 @@ def control(i, rotor, command, gain, integrator, math, stages=None):
     (integral_speed, integral_d, integral_q, integral_weakening) = integrator
 
     # --- Park
-    sin_theta, cos_theta = math.sin_cos(theta)
+    theta_wrapped = math.wrap(theta)
+    sin_theta, cos_theta = math.sin_cos(theta_wrapped)
     i_d = cos_theta * i_alpha + sin_theta * i_beta
     i_q = cos_theta * i_beta - sin_theta * i_alpha
 
@@ -1555,7 +1562,8 @@ def control(i, rotor, command, gain, integrator, math, stages=None):
 
     # --- inverse Park at the angle in the middle of the acting interval
     theta_acting = theta + omega_e * gain_advance
-    sin_theta_acting, cos_theta_acting = math.sin_cos(theta_acting)
+    theta_acting_wrapped = math.wrap(theta_acting)
+    sin_theta_acting, cos_theta_acting = math.sin_cos(theta_acting_wrapped)
     v_alpha = cos_theta_acting * v_d - sin_theta_acting * v_q
     v_beta = sin_theta_acting * v_d + cos_theta_acting * v_q
 
@@ -1621,7 +1629,7 @@ def foc_step(c, filter_step, phase, command, math):
     """
     i = clarke(phase, math)
     status = filter_step(c.filter, c.v_acting, i, math)
-    i = _select(_within(i, c.filter.y_max), i, believed_currents(c.filter.x, math))
+    i = _select(_is_within(i, c.filter.y_max), i, believed_currents(c.filter.x, math))
     held = []
     for new, old, limit in zip(command, c.command_held, c.command_max):
         good = new * new <= limit * limit
@@ -1875,7 +1883,8 @@ def place_state(phase, guess, math, stages=None):
     omega = guess[2]
     theta = guess[3]
     i_beta = ONE_BY_SQRT_3 * i_a + TWO_BY_SQRT_3 * i_b
-    sin_theta, cos_theta = math.sin_cos(theta)
+    theta_wrapped = math.wrap(theta)
+    sin_theta, cos_theta = math.sin_cos(theta_wrapped)
     psi_d = L_D * (cos_theta * i_a + sin_theta * i_beta) + PSI_M
     psi_q = L_Q * (cos_theta * i_beta - sin_theta * i_a)
 
@@ -2000,6 +2009,7 @@ def _start_filter(s, f, phase, where, math):
     x[1] = np.where(where, s.guess[1], x[1])[()]
     x[2] = np.where(where, s.guess[2], x[2])[()]
     x[3] = np.where(where, s.guess[3], x[3])[()]
+    x[3] = np.where(where, math.wrap(x[3]), x[3])[()]
     LD[14] = np.where(where, FLUX_SQUARED * s.spread[1], LD[14])[()]
     LD[20] = np.where(where, FLUX_SQUARED * s.spread[1], LD[20])[()]
     LD[2] = np.where(where, s.spread[0], LD[2])[()]
@@ -2550,7 +2560,8 @@ def inject(rotor, duty, v, link, injection, math, stages=None):
     room = (v_link * _larger(_smaller(_smaller(duty_a, _smaller(duty_b, duty_c)), 1.0 - _larger(duty_a,
         _larger(duty_b, duty_c))), 0.0))
     size = sign * _smaller(amplitude * left, room)
-    sin_theta, cos_theta = math.sin_cos(theta)
+    theta_wrapped = math.wrap(theta)
+    sin_theta, cos_theta = math.sin_cos(theta_wrapped)
     added_alpha = cos_theta * size
     added_beta = sin_theta * size
     half = -0.5 * added_alpha

@@ -142,6 +142,8 @@
 #define ROUND 1.2582912e+07f
 /* The largest number below pi: wrapped angles stay in [-pi, pi). */
 #define BELOW_PI 3.1415925f
+/* Just below pi^2: an angle whose square is no larger is wrapped already. */
+#define INSIDE 9.8696f
 
 static float32 smaller(float32 a, float32 b)
 {
@@ -159,7 +161,7 @@ static float32 wrap_angle(float32 x)
     /* --- r = x - 2 pi turns, kept inside, where x is not inside itself */
     const float32 turns = x * 0.15915494f + ROUND - ROUND;
     const float32 r = x - turns * 6.283203f - turns * -1.781782e-05f;
-    return (larger(x, -x) <= 3.14159f) ? x : larger(smaller(r, BELOW_PI), -3.1415925f);
+    return (x * x <= INSIDE) ? x : larger(smaller(r, BELOW_PI), -3.1415925f);
 }
 
 /* Where the rotor of the guess is a sample later */
@@ -179,13 +181,13 @@ static void turn_guess(const float32 guess[4], float32 guess_out[4])
 /* How far the angle turned, and how far it should have by the speed */
 static void watch_turning(const float32 x[6], const float32 turning[5], float32 turning_out[5])
 {
-    const float32 omega = x[2];
     const float32 theta = x[3];
-    const float32 turned = turning[0];
-    const float32 stated = turning[1];
     const float32 theta_before = turning[2];
     const float32 moved_now = wrap_angle(theta - theta_before);
+    const float32 turned = turning[0];
     const float32 turned_now = turned + moved_now;
+    const float32 stated = turning[1];
+    const float32 omega = x[2];
     const float32 stated_now = stated + TURN_PER_SAMPLE * omega;
     const float32 off = turned_now - stated_now;
 
@@ -201,12 +203,12 @@ static void read_current(const float32 phase[2], const float32 first[2], float32
 {
     const float32 i_a = phase[0];
     const float32 i_b = phase[1];
-    const float32 first_cosine = first[0];
-    const float32 first_sine = first[1];
     const float32 i_beta = ONE_BY_SQRT_3 * i_a + TWO_BY_SQRT_3 * i_b;
     const float32 size = PMSM_SQRT(larger(i_a * i_a + i_beta * i_beta, LEAST_SIZE));
     const float32 cosine = i_a / size;
     const float32 sine = i_beta / size;
+    const float32 first_cosine = first[0];
+    const float32 first_sine = first[1];
 
     reading_out[0] = cosine;
     reading_out[1] = sine;
@@ -217,18 +219,18 @@ static void read_current(const float32 phase[2], const float32 first[2], float32
 /* Where a current from zero voltage says that the rotor is */
 static void read_probe(const float32 reading[4], const float32 probe[2], float32 towards_out[4])
 {
-    const float32 i_cosine = reading[0];
-    const float32 i_sine = reading[1];
-    const float32 size = reading[2];
     const float32 direction = probe[0];
-    const float32 intervals = probe[1];
+    const float32 i_sine = reading[1];
     const float32 direction_times_i_sine = direction * i_sine;
     const float32 cosine = -direction_times_i_sine;
+    const float32 i_cosine = reading[0];
     const float32 sine = direction * i_cosine;
     const float32 along = larger(cosine, direction_times_i_sine);
     const float32 across = larger(sine, -sine);
     const float32 slope = (across - along) / larger(across + along, 0.5f);
     const float32 theta_first = QUARTER_PI + slope * (QUARTER_PI + ARC_BEND * (1.0f - larger(slope, -slope)));
+    const float32 size = reading[2];
+    const float32 intervals = probe[1];
 
     towards_out[0] = cosine;
     towards_out[1] = sine;
@@ -241,9 +243,9 @@ static void place_state(const float32 phase[2], const float32 guess[4], float32 
 {
     const float32 i_a = phase[0];
     const float32 i_b = phase[1];
+    const float32 i_beta = ONE_BY_SQRT_3 * i_a + TWO_BY_SQRT_3 * i_b;
     const float32 omega = guess[2];
     const float32 theta = guess[3];
-    const float32 i_beta = ONE_BY_SQRT_3 * i_a + TWO_BY_SQRT_3 * i_b;
 
     guess_out[0] = i_a;
     guess_out[1] = i_beta;
@@ -365,6 +367,9 @@ static void start_filter(servo_24v_ckf_supervisor_t *s, servo_24v_ckf_t *f)
     f->x[SERVO_24V_CKF_I_BETA] = s->guess[1];
     f->x[SERVO_24V_CKF_OMEGA] = s->guess[2];
     f->x[SERVO_24V_CKF_THETA] = s->guess[3];
+    if (!(f->x[SERVO_24V_CKF_THETA] * f->x[SERVO_24V_CKF_THETA] <= INSIDE)) {
+        f->x[SERVO_24V_CKF_THETA] = wrap_angle(f->x[SERVO_24V_CKF_THETA]);
+    }
     f->LD[SERVO_24V_CKF_LD_OMEGA] = s->spread[0];
     f->LD[SERVO_24V_CKF_LD_THETA] = s->spread[1];
     f->LD[SERVO_24V_CKF_LD_STATOR_RESISTANCE] = HELD * f->P_0[SERVO_24V_CKF_STATOR_RESISTANCE];

@@ -141,6 +141,8 @@
 #define ROUND 1.2582912e+07f
 /* The largest number below pi: wrapped angles stay in [-pi, pi). */
 #define BELOW_PI 3.1415925f
+/* Just below pi^2: an angle whose square is no larger is wrapped already. */
+#define INSIDE 9.8696f
 
 static float32 smaller(float32 a, float32 b)
 {
@@ -158,7 +160,7 @@ static float32 wrap_angle(float32 x)
     /* --- r = x - 2 pi turns, kept inside, where x is not inside itself */
     const float32 turns = x * 0.15915494f + ROUND - ROUND;
     const float32 r = x - turns * 6.283203f - turns * -1.781782e-05f;
-    return (larger(x, -x) <= 3.14159f) ? x : larger(smaller(r, BELOW_PI), -3.1415925f);
+    return (x * x <= INSIDE) ? x : larger(smaller(r, BELOW_PI), -3.1415925f);
 }
 
 /* Where the rotor of the guess is a sample later */
@@ -178,13 +180,13 @@ static void turn_guess(const float32 guess[4], float32 guess_out[4])
 /* How far the angle turned, and how far it should have by the speed */
 static void watch_turning(const float32 x[5], const float32 turning[5], float32 turning_out[5])
 {
-    const float32 omega = x[2];
     const float32 theta = x[3];
-    const float32 turned = turning[0];
-    const float32 stated = turning[1];
     const float32 theta_before = turning[2];
     const float32 moved_now = wrap_angle(theta - theta_before);
+    const float32 turned = turning[0];
     const float32 turned_now = turned + moved_now;
+    const float32 stated = turning[1];
+    const float32 omega = x[2];
     const float32 stated_now = stated + TURN_PER_SAMPLE * omega;
     const float32 off = turned_now - stated_now;
 
@@ -200,12 +202,12 @@ static void read_current(const float32 phase[2], const float32 first[2], float32
 {
     const float32 i_a = phase[0];
     const float32 i_b = phase[1];
-    const float32 first_cosine = first[0];
-    const float32 first_sine = first[1];
     const float32 i_beta = ONE_BY_SQRT_3 * i_a + TWO_BY_SQRT_3 * i_b;
     const float32 size = PMSM_SQRT(larger(i_a * i_a + i_beta * i_beta, LEAST_SIZE));
     const float32 cosine = i_a / size;
     const float32 sine = i_beta / size;
+    const float32 first_cosine = first[0];
+    const float32 first_sine = first[1];
 
     reading_out[0] = cosine;
     reading_out[1] = sine;
@@ -216,18 +218,18 @@ static void read_current(const float32 phase[2], const float32 first[2], float32
 /* Where a current from zero voltage says that the rotor is */
 static void read_probe(const float32 reading[4], const float32 probe[2], float32 towards_out[4])
 {
-    const float32 i_cosine = reading[0];
-    const float32 i_sine = reading[1];
-    const float32 size = reading[2];
     const float32 direction = probe[0];
-    const float32 intervals = probe[1];
+    const float32 i_sine = reading[1];
     const float32 direction_times_i_sine = direction * i_sine;
     const float32 cosine = -direction_times_i_sine;
+    const float32 i_cosine = reading[0];
     const float32 sine = direction * i_cosine;
     const float32 along = larger(cosine, direction_times_i_sine);
     const float32 across = larger(sine, -sine);
     const float32 slope = (across - along) / larger(across + along, 0.5f);
     const float32 theta_first = QUARTER_PI + slope * (QUARTER_PI + ARC_BEND * (1.0f - larger(slope, -slope)));
+    const float32 size = reading[2];
+    const float32 intervals = probe[1];
 
     towards_out[0] = cosine;
     towards_out[1] = sine;
@@ -240,9 +242,9 @@ static void place_state(const float32 phase[2], const float32 guess[4], float32 
 {
     const float32 i_a = phase[0];
     const float32 i_b = phase[1];
+    const float32 i_beta = ONE_BY_SQRT_3 * i_a + TWO_BY_SQRT_3 * i_b;
     const float32 omega = guess[2];
     const float32 theta = guess[3];
-    const float32 i_beta = ONE_BY_SQRT_3 * i_a + TWO_BY_SQRT_3 * i_b;
 
     guess_out[0] = i_a;
     guess_out[1] = i_beta;
@@ -364,6 +366,9 @@ static void start_filter(spmsm_load_torque_ickf_supervisor_t *s, spmsm_load_torq
     f->x[SPMSM_LOAD_TORQUE_ICKF_I_BETA] = s->guess[1];
     f->x[SPMSM_LOAD_TORQUE_ICKF_OMEGA] = s->guess[2];
     f->x[SPMSM_LOAD_TORQUE_ICKF_THETA] = s->guess[3];
+    if (!(f->x[SPMSM_LOAD_TORQUE_ICKF_THETA] * f->x[SPMSM_LOAD_TORQUE_ICKF_THETA] <= INSIDE)) {
+        f->x[SPMSM_LOAD_TORQUE_ICKF_THETA] = wrap_angle(f->x[SPMSM_LOAD_TORQUE_ICKF_THETA]);
+    }
     f->LD[SPMSM_LOAD_TORQUE_ICKF_LD_OMEGA] = s->spread[0];
     f->LD[SPMSM_LOAD_TORQUE_ICKF_LD_THETA] = s->spread[1];
 }

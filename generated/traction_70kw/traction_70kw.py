@@ -183,8 +183,8 @@ def _set_status_bits(f, x, LD, check, status):
     of LD or the mean is not a number or beyond SANE_LIMIT: the sum of their squares in that unit is then above 1 or no
     number. Returns x, LD and the status.
     """
-    ordinary = (((status & COVARIANCE_REPAIRED) == 0) & (check[0] * check[0] <= SANE_LIMIT * SANE_LIMIT) &
-        (f.nis < f.nis_max))
+    ordinary = ((check[0] * check[0] <= SANE_LIMIT * SANE_LIMIT) & (f.nis < f.nis_max) &
+        ((status & COVARIANCE_REPAIRED) == 0))
     if np.all(ordinary):
         return x, LD, status
     size = check[0] * PER_SANE_LIMIT
@@ -202,38 +202,33 @@ def _set_status_bits(f, x, LD, check, status):
 
 
 def _sin_cos_f32(x):
-    ROUND = 12582912.0
-    ROUND_EVEN = 25165824.0
-    # --- x = k pi + r with |r| <= pi / 2, pi in two parts
-    k = x * 0.3183098861837907 + ROUND - ROUND
-    r = x - k * 3.1416015625 - k * -8.90890987648163e-06
-    # --- the sign is -1 for odd k
-    odd = k - (k + ROUND_EVEN - ROUND_EVEN)
-    sign = 1.0 - 2.0 * (odd * odd)
-    # --- minimax polynomials in z = r^2
-    z = r * r
-    return sign * (r + r * z * (((2.5999032895283066e-06 * z + -0.00019806547121805626) * z +
-        0.008333016355659941) * z + -0.1666665705860025)), sign * (1.0 - 0.5 * z +
-        z * z * (((-2.619248419059995e-07 * z + 2.4769240676692124e-05) * z + -0.0013888568213324846) * z +
-        0.0416666557299502))
+    # --- s = 2 sin(x / 2), c = cos(x / 2), minimax polynomials in z = x^2
+    z = x * x
+    s = (x * ((((1.0156463938480244e-08 * z + -3.0947836252608927e-06) * z + 0.0005208135807231987) * z +
+        -0.0416666427412639) * z + 1.0))
+    c = ((((9.060307223557621e-08 * z + -2.1649886225831018e-05) * z + 0.002603999340927905) * z +
+        -0.12499983073263368) * z + 1.0)
+    return s * c, 2.0 * (c * c) - 1.0
 
 
 def _wrap_angle_f32(x):
     ROUND = 12582912.0
     BELOW_PI = 3.141592502593994
+    INSIDE = 9.8696
     # --- r = x - 2 pi turns, kept inside, where x is not inside itself
     turns = x * 0.15915494309189535 + ROUND - ROUND
     r = x - turns * 6.283203125 - turns * -1.781781975296326e-05
-    return np.where(_larger(x, -x) <= 3.14159, x, _larger(_smaller(r, BELOW_PI), -3.141592502593994))[()]
+    return np.where(x * x <= INSIDE, x, _larger(_smaller(r, BELOW_PI), -3.141592502593994))[()]
 
 
 def _wrap_angle_f64(x):
     ROUND = 6755399441055744.0
     BELOW_PI = 3.1415926535897927
+    INSIDE = 9.8696
     # --- r = x - 2 pi turns, kept inside, where x is not inside itself
     turns = x * 0.15915494309189535 + ROUND - ROUND
     r = x - turns * 6.2831853069365025 - turns * 2.430840202602477e-10
-    return np.where(_larger(x, -x) <= 3.14159, x, _larger(_smaller(r, BELOW_PI), -3.1415926535897927))[()]
+    return np.where(x * x <= INSIDE, x, _larger(_smaller(r, BELOW_PI), -3.1415926535897927))[()]
 
 
 def _sin_cos_f64(x):
@@ -360,8 +355,19 @@ def new_filter(dtype=np.float32, **tuning):
     return f
 
 
+def _size(value):
+    """|value|, lane by lane, in whose order stand the bits without sign that C compares; NaN is below nothing."""
+    return _larger(value, -value)
+
+
 def _within(values, limit):
-    """Both values are numbers within +-limit, lane by lane; NaN and infinity are not. By squares, as in C."""
+    """Both values are numbers within +-limit, lane by lane; NaN and infinity are not."""
+    most = _size(limit)
+    return (_size(values[0]) <= most) & (_size(values[1]) <= most)
+
+
+def _is_within(values, limit):
+    """The same by squares, as the controller does."""
     most = limit * limit
     return (values[0] * values[0] <= most) & (values[1] * values[1] <= most)
 
@@ -446,7 +452,8 @@ def time_update(x, LD, Q, v, g, turn, math, stages=None):
     odd_omega_e_0 = POLE_PAIRS * L_10
     theta_mid = HALF_T * omega_e + theta
     odd_theta_mid_0 = 1.0 + HALF_T * odd_omega_e_0
-    sin_theta_mid, cos_theta_mid = math.sin_cos(theta_mid)
+    theta_mid_wrapped = math.wrap(theta_mid)
+    sin_theta_mid, cos_theta_mid = math.sin_cos(theta_mid_wrapped)
     psi_d_mid = cos_theta_mid * psi_alpha + sin_theta_mid * psi_beta
     n_D_0 = D_theta * 5.0
     sind_theta_mid_0 = odd_theta_mid_0 * sinc_theta_mid_0
@@ -478,14 +485,13 @@ def time_update(x, LD, Q, v, g, turn, math, stages=None):
     psi_q_between = 0.5 * (psi_q_mid + psi_q_next)
     even_psi_q_between_0 = 0.5 * (even_psi_q_mid_0 + even_psi_q_next_0)
     odd_psi_q_between_0 = 0.5 * (odd_psi_q_mid_0 + odd_psi_q_next_0)
-    part_of_even_torque_0 = GAIN_TORQUE_INV_L_D_PSI_M - psi_d_between * GAIN_TORQUE_SALIENCY
-    part_of_even_torque_0_2 = GAIN_TORQUE_SALIENCY_BY2 * (even_psi_d_mid_0 + even_psi_d_next_0)
+    part_of_omega_pred = GAIN_TORQUE_INV_L_D_PSI_M - GAIN_TORQUE_SALIENCY * psi_d_between
+    part_of_even_torque_0 = GAIN_TORQUE_SALIENCY_BY2 * (even_psi_d_mid_0 + even_psi_d_next_0)
     total_psi_q_between_0 = psi_q_between + even_psi_q_between_0
     odd_psi_d_mid_and_next_0_scaled = GAIN_TORQUE_SALIENCY_BY2 * (odd_psi_d_mid_0 + odd_psi_d_next_0)
-    even_torque_0 = (part_of_even_torque_0 * even_psi_q_between_0 -
-        part_of_even_torque_0_2 * total_psi_q_between_0 -
-        n_D_0 * odd_psi_d_mid_and_next_0_scaled * odd_psi_q_between_0)
-    odd_torque_0 = (odd_psi_q_between_0 * (part_of_even_torque_0 - part_of_even_torque_0_2) -
+    even_torque_0 = (part_of_omega_pred * even_psi_q_between_0 - part_of_even_torque_0 * total_psi_q_between_0
+        - n_D_0 * odd_psi_d_mid_and_next_0_scaled * odd_psi_q_between_0)
+    odd_torque_0 = (odd_psi_q_between_0 * (part_of_omega_pred - part_of_even_torque_0) -
         total_psi_q_between_0 * odd_psi_d_mid_and_next_0_scaled)
     n_D_1 = 5.0 * D_omega
     sind_theta_mid_1 = HALF_T_POLE_PAIRS * sinc_theta_mid_1
@@ -507,10 +513,9 @@ def time_update(x, LD, Q, v, g, turn, math, stages=None):
     part_of_even_torque_1 = GAIN_TORQUE_SALIENCY_BY2 * (even_psi_d_mid_1 + even_psi_d_next_1)
     total_psi_q_between_1 = psi_q_between + even_psi_q_between_1
     odd_psi_d_mid_and_next_1_scaled = GAIN_TORQUE_SALIENCY_BY2 * (odd_psi_d_mid_1 + odd_psi_d_next_1)
-    even_torque_1 = (part_of_even_torque_0 * even_psi_q_between_1 -
-        part_of_even_torque_1 * total_psi_q_between_1 -
-        n_D_1 * odd_psi_d_mid_and_next_1_scaled * odd_psi_q_between_1)
-    odd_torque_1 = (odd_psi_q_between_1 * (part_of_even_torque_0 - part_of_even_torque_1) -
+    even_torque_1 = (part_of_omega_pred * even_psi_q_between_1 - part_of_even_torque_1 * total_psi_q_between_1
+        - n_D_1 * odd_psi_d_mid_and_next_1_scaled * odd_psi_q_between_1)
+    odd_torque_1 = (odd_psi_q_between_1 * (part_of_omega_pred - part_of_even_torque_1) -
         total_psi_q_between_1 * odd_psi_d_mid_and_next_1_scaled)
     odd_psi_d_mid_2 = cos_theta_mid + sin_theta_mid * L_32
     odd_psi_q_mid_2 = cos_theta_mid * L_32 - sin_theta_mid
@@ -519,13 +524,12 @@ def time_update(x, LD, Q, v, g, turn, math, stages=None):
     odd_psi_q_between_2 = 0.5 * (odd_psi_q_mid_2 + odd_psi_q_next_2)
     odd_psi_d_mid_plus_next_2 = odd_psi_d_mid_2 + odd_psi_d_next_2
     psi_q_between_scaled = psi_q_between * GAIN_TORQUE_SALIENCY_BY2
-    odd_torque_2 = (part_of_even_torque_0 * odd_psi_q_between_2 -
-        odd_psi_d_mid_plus_next_2 * psi_q_between_scaled)
+    odd_torque_2 = part_of_omega_pred * odd_psi_q_between_2 - odd_psi_d_mid_plus_next_2 * psi_q_between_scaled
     odd_psi_d_next_3 = sin_theta_mid * ONE_MINUS_LOSS_D
     odd_psi_q_next_3 = cos_theta_mid * ONE_MINUS_LOSS_Q
     odd_psi_q_between_3 = 0.5 * (cos_theta_mid + odd_psi_q_next_3)
     part_of_curv_omega_sum = sin_theta_mid + odd_psi_d_next_3
-    odd_torque_3 = part_of_even_torque_0 * odd_psi_q_between_3 - part_of_curv_omega_sum * psi_q_between_scaled
+    odd_torque_3 = part_of_omega_pred * odd_psi_q_between_3 - part_of_curv_omega_sum * psi_q_between_scaled
     total_psi_d_next_0 = psi_d_next + even_psi_d_next_0
     even_psi_alpha_next_0 = (even_psi_d_next_0 + cosm1_theta_mid_0 * total_psi_d_next_0 -
         n_D_sind_theta_mid_0 * odd_psi_q_next_0)
@@ -553,44 +557,41 @@ def time_update(x, LD, Q, v, g, turn, math, stages=None):
 
     # --- eq. 17: G: by how much a wrong datum moves f, so that Q_p = G G^T, turned
     G_psi_alpha_R = v_d * SIGMA_R_GAIN_D - psi_d_mid_minus_m * SIGMA_R_LOSS_D
-    theta_minus_theta_mid = theta - theta_mid
-    sin_theta_minus_theta_mid, cos_theta_minus_theta_mid = math.sin_cos(theta_minus_theta_mid)
-    part_of_G_omega_L_d = (SALIENCY * (psi_d_mid * cos_theta_minus_theta_mid +
-        psi_q_mid * sin_theta_minus_theta_mid) - INV_L_D_PSI_M)
-    part_of_G_omega_L_d_3 = psi_d_mid * INV_L_Q + cos_theta_minus_theta_mid * part_of_G_omega_L_d
-    part_of_G_omega_L_d_2 = psi_q_mid * INV_L_Q + sin_theta_minus_theta_mid * part_of_G_omega_L_d
-    i_d = (cos_theta_minus_theta_mid * part_of_G_omega_L_d_3 +
-        sin_theta_minus_theta_mid * part_of_G_omega_L_d_2)
-    sin_theta_minus_theta_mid_x_i_d = sin_theta_minus_theta_mid * i_d
+    part_of_G_omega_L_d = math.wrap(theta - theta_mid)
+    sin_part_of_G_omega_L_d, cos_part_of_G_omega_L_d = math.sin_cos(part_of_G_omega_L_d)
+    part_of_G_omega_L_d_2 = (SALIENCY * (psi_d_mid * cos_part_of_G_omega_L_d +
+        psi_q_mid * sin_part_of_G_omega_L_d) - INV_L_D_PSI_M)
+    part_of_G_omega_L_d_4 = psi_d_mid * INV_L_Q + cos_part_of_G_omega_L_d * part_of_G_omega_L_d_2
+    part_of_G_omega_L_d_3 = psi_q_mid * INV_L_Q + sin_part_of_G_omega_L_d * part_of_G_omega_L_d_2
+    i_d = cos_part_of_G_omega_L_d * part_of_G_omega_L_d_4 + sin_part_of_G_omega_L_d * part_of_G_omega_L_d_3
+    part_of_G_omega_L_d_6 = sin_part_of_G_omega_L_d * i_d
     omega_e_times_sample_time = omega_e * SAMPLE_TIME
     part_of_G_psi_alpha_L_d = SIGMA_L_D * omega_e_times_sample_time
-    G_psi_alpha_L_d = sin_theta_minus_theta_mid_x_i_d * part_of_G_psi_alpha_L_d
-    i_q = (cos_theta_minus_theta_mid * part_of_G_omega_L_d_2 -
-        sin_theta_minus_theta_mid * part_of_G_omega_L_d_3)
-    cos_theta_minus_theta_mid_x_i_q = cos_theta_minus_theta_mid * i_q
+    G_psi_alpha_L_d = part_of_G_omega_L_d_6 * part_of_G_psi_alpha_L_d
+    i_q = cos_part_of_G_omega_L_d * part_of_G_omega_L_d_3 - sin_part_of_G_omega_L_d * part_of_G_omega_L_d_4
+    part_of_P_pred_32_2 = cos_part_of_G_omega_L_d * i_q
     part_of_G_psi_alpha_L_q = SIGMA_L_Q * omega_e_times_sample_time
-    G_psi_alpha_L_q = cos_theta_minus_theta_mid_x_i_q * part_of_G_psi_alpha_L_q
+    G_psi_alpha_L_q = part_of_P_pred_32_2 * part_of_G_psi_alpha_L_q
     part_of_G_psi_alpha_psi_m = SIGMA_PSI_M * omega_e_times_sample_time
-    G_psi_alpha_psi_m = sin_theta_minus_theta_mid * part_of_G_psi_alpha_psi_m
+    G_psi_alpha_psi_m = sin_part_of_G_omega_L_d * part_of_G_psi_alpha_psi_m
     sigma_loss_times_unsure = SIGMA_LOSS * unsure
     G_psi_alpha_loss_along = GAIN_D * sigma_loss_times_unsure
     G_psi_beta_R = (v_q * SIGMA_R_GAIN_Q - psi_q_mid * SIGMA_R_LOSS_Q +
         omega_e_times_psi_m * SIGMA_R_MAGNET_TURN)
-    sin_theta_minus_theta_mid_x_i_q = sin_theta_minus_theta_mid * i_q
-    G_psi_beta_L_q = sin_theta_minus_theta_mid_x_i_q * part_of_G_psi_alpha_L_q
+    part_of_P_pred_32 = sin_part_of_G_omega_L_d * i_q
+    G_psi_beta_L_q = part_of_P_pred_32 * part_of_G_psi_alpha_L_q
     G_psi_beta_loss_across = GAIN_Q * sigma_loss_times_unsure
     psi_q_between_scaled_2 = psi_q_between * GAIN_TORQUE_SALIENCY
-    G_omega_R = (GAIN_OMEGA_BY2 * (part_of_even_torque_0 * G_psi_beta_R -
-        psi_q_between_scaled_2 * G_psi_alpha_R))
-    cos_theta_minus_theta_mid_x_i_d = cos_theta_minus_theta_mid * i_d
-    G_omega_L_d = (GAIN_OMEGA_GAIN_TQ_SIGMA_L_D * (part_of_G_omega_L_d_2 * cos_theta_minus_theta_mid_x_i_d -
-        part_of_G_omega_L_d_3 * sin_theta_minus_theta_mid_x_i_d))
+    G_omega_R = GAIN_OMEGA_BY2 * (part_of_omega_pred * G_psi_beta_R - psi_q_between_scaled_2 * G_psi_alpha_R)
+    part_of_G_omega_L_d_5 = cos_part_of_G_omega_L_d * i_d
+    G_omega_L_d = (GAIN_OMEGA_GAIN_TQ_SIGMA_L_D * (part_of_G_omega_L_d_3 * part_of_G_omega_L_d_5 -
+        part_of_G_omega_L_d_4 * part_of_G_omega_L_d_6))
     G_omega_psi_m = GAIN_OMEGA_GAIN_TQ_SIGMA_PSI_M * i_q
     part_of_G_omega_V_d = GAIN_D * (cos_theta_mid * g_alpha + sin_theta_mid * g_beta)
     part_of_G_omega_V_d_2 = GAIN_Q * (cos_theta_mid * g_beta - sin_theta_mid * g_alpha)
     G_omega_V_d = (GAIN_OMEGA_SIGMA_V_D_BY2 * (psi_q_between_scaled_2 * part_of_G_omega_V_d -
-        part_of_even_torque_0 * part_of_G_omega_V_d_2))
-    G_omega_loss_across = GAIN_OMEGA_GAIN_Q_BY2 * part_of_even_torque_0 * sigma_loss_times_unsure
+        part_of_omega_pred * part_of_G_omega_V_d_2))
+    G_omega_loss_across = GAIN_OMEGA_GAIN_Q_BY2 * part_of_omega_pred * sigma_loss_times_unsure
 
     # --- eq. 17: P_pred = mean (X_i' - x_pred)(X_i' - x_pred)^T + Q + Q_p; eq. 18: L D L^T = P_pred
     D_odd_omega_0 = D_theta * odd_omega_next_0
@@ -602,24 +603,24 @@ def time_update(x, LD, Q, v, g, turn, math, stages=None):
     minus_even_torque_3 = (GAIN_TORQUE_SALIENCY_X5_BY2 * odd_psi_q_between_3 * part_of_curv_omega_sum * D_psi_beta)
     curv_omega_sum = even_torque_0 + even_torque_1 - minus_even_torque_2 - minus_even_torque_3
     curv_omega_mean = PAIR_WEIGHT * curv_omega_sum
-    minus_G_omega_L_q = (GAIN_OMEGA_GAIN_TQ_SIGMA_L_Q * (part_of_G_omega_L_d_2 * sin_theta_minus_theta_mid_x_i_q
-        + part_of_G_omega_L_d_3 * cos_theta_minus_theta_mid_x_i_q))
+    minus_G_omega_L_q = (GAIN_OMEGA_GAIN_TQ_SIGMA_L_Q * (part_of_G_omega_L_d_3 * part_of_P_pred_32 +
+        part_of_G_omega_L_d_4 * part_of_P_pred_32_2))
     minus_G_omega_loss_along = G_D_G_OMEGA_G_TQ_SAL_BY2 * psi_q_between * sigma_loss_times_unsure
-    part_of_P_pred_32 = (odd_omega_next_0 * D_odd_omega_0 + odd_omega_next_1 * D_odd_omega_1 +
+    part_of_P_pred_32_3 = (odd_omega_next_0 * D_odd_omega_0 + odd_omega_next_1 * D_odd_omega_1 +
         odd_omega_next_2 * D_odd_omega_2 + odd_omega_next_3 * D_odd_omega_3 + GAIN_OMEGA * minus_D_odd_omega_4
         + GAIN_OMEGA_SQ * (PAIR_WEIGHT * (even_torque_0 * even_torque_0 + even_torque_1 * even_torque_1 +
         minus_even_torque_2 * minus_even_torque_2 + minus_even_torque_3 * minus_even_torque_3) -
         curv_omega_mean * curv_omega_mean) + G_omega_R * G_omega_R + G_omega_L_d * G_omega_L_d +
         minus_G_omega_L_q * minus_G_omega_L_q + G_omega_psi_m * G_omega_psi_m + G_omega_V_d * G_omega_V_d +
         minus_G_omega_loss_along * minus_G_omega_loss_along + G_omega_loss_across * G_omega_loss_across)
-    part_of_P_pred_32_2 = odd_theta_mid_0 * D_odd_omega_0 + HALF_T_POLE_PAIRS * D_odd_omega_1
-    P_pred_32 = HALF_T_POLE_PAIRS * part_of_P_pred_32 + part_of_P_pred_32_2
-    P_pred_33 = (HALF_T_POLE_PAIRS * (P_pred_32 + part_of_P_pred_32_2 + D_omega * HALF_T_POLE_PAIRS) +
+    part_of_P_pred_32_4 = odd_theta_mid_0 * D_odd_omega_0 + HALF_T_POLE_PAIRS * D_odd_omega_1
+    P_pred_32 = HALF_T_POLE_PAIRS * part_of_P_pred_32_3 + part_of_P_pred_32_4
+    P_pred_33 = (HALF_T_POLE_PAIRS * (P_pred_32 + part_of_P_pred_32_4 + D_omega * HALF_T_POLE_PAIRS) +
         D_theta * odd_theta_mid_0 * odd_theta_mid_0 + Q_3)
     D_pred_theta = _larger(P_pred_33, Q_3)
     inv_D_pred_theta = 1.0 / D_pred_theta
     L_pred_10 = P_pred_32 * inv_D_pred_theta
-    P_pred_22 = part_of_P_pred_32 + Q_2
+    P_pred_22 = part_of_P_pred_32_3 + Q_2
     D_pred_omega = _larger(P_pred_22 - P_pred_32 * L_pred_10, Q_2)
     curv_psi_alpha_sum = even_psi_alpha_next_0 + even_psi_alpha_next_1
     curv_psi_alpha_mean = curv_psi_alpha_sum * PAIR_WEIGHT
@@ -636,8 +637,8 @@ def time_update(x, LD, Q, v, g, turn, math, stages=None):
     P_turned_30 = HALF_T_POLE_PAIRS * (P_turned_20 + D_odd_psi_alpha_1) + odd_theta_mid_0 * D_odd_psi_alpha_0
     curv_psi_beta_sum = even_psi_beta_next_0 + even_psi_beta_next_1
     curv_psi_beta_mean = PAIR_WEIGHT * curv_psi_beta_sum
-    minus_G_psi_beta_L_d = cos_theta_minus_theta_mid_x_i_d * part_of_G_psi_alpha_L_d
-    minus_G_psi_beta_psi_m = cos_theta_minus_theta_mid * part_of_G_psi_alpha_psi_m
+    minus_G_psi_beta_L_d = part_of_G_omega_L_d_5 * part_of_G_psi_alpha_L_d
+    minus_G_psi_beta_psi_m = cos_part_of_G_omega_L_d * part_of_G_psi_alpha_psi_m
     minus_G_psi_beta_V_d = SIGMA_V_D * part_of_G_omega_V_d_2
     P_turned_21 = (D_odd_omega_0 * odd_psi_beta_next_0 + D_odd_omega_1 * odd_psi_beta_next_1 +
         odd_psi_q_next_2 * D_odd_omega_2 + odd_psi_q_next_3 * D_odd_omega_3 +
@@ -726,8 +727,7 @@ def time_update(x, LD, Q, v, g, turn, math, stages=None):
     psi_beta_mean = psi_q_next + curv_psi_beta_mean
     psi_alpha_pred = cos_theta_mid * psi_alpha_mean - sin_theta_mid * psi_beta_mean
     psi_beta_pred = sin_theta_mid * psi_alpha_mean + cos_theta_mid * psi_beta_mean
-    omega_of_x = ((GAIN_TORQUE_INV_L_D_PSI_M -
-        GAIN_TORQUE_SALIENCY * psi_d_between) * GAIN_OMEGA * psi_q_between - GAIN_OMEGA * load_torque + omega)
+    omega_of_x = part_of_omega_pred * GAIN_OMEGA * psi_q_between - GAIN_OMEGA * load_torque + omega
     omega_pred = omega_of_x + offset_omega
     theta_pred = theta_mid + omega_of_x * HALF_T_POLE_PAIRS + offset_theta
 
@@ -769,7 +769,8 @@ def ckf_measurement_update(x_pred, LD_pred, R, y, turn_pred, math, stages=None):
     (sinc_theta_0, cosm1_theta_0) = turn_pred
 
     # --- eq. 20: along column c the image is base + even_c +- s_c odd_c, s_c^2 = n D_c
-    sin_theta_pred, cos_theta_pred = math.sin_cos(theta_pred)
+    theta_pred_wrapped = math.wrap(theta_pred)
+    sin_theta_pred, cos_theta_pred = math.sin_cos(theta_pred_wrapped)
     psi_d_pred = cos_theta_pred * psi_alpha_pred + sin_theta_pred * psi_beta_pred
     D_sind_theta_0 = D_pred_theta * sinc_theta_0
     odd_psi_beta_turned_0 = cos_theta_pred * L_pred_30 - sin_theta_pred * L_pred_20
@@ -805,7 +806,7 @@ def ckf_measurement_update(x_pred, LD_pred, R, y, turn_pred, math, stages=None):
     noise_10 = (cos_theta_pred * sin_theta_pred * (R_1 - R_0) + even_y_i_alpha_0 * (curv_y_i_beta_mean -
         part_of_curv_y_i_beta_mean * PAIR_WEIGHT_SQ_SALIENCY_X5))
 
-    # --- eq. 25: y - y_pred, in the rotor's frame; theta wrapped
+    # --- eq. 25: y - y_pred, in the rotor's frame
     innovation_i_alpha = (cos_theta_pred * i_alpha_meas + sin_theta_pred * i_beta_meas - INV_L_Q * psi_d_pred
         - i_salient_pred - curv_y_i_alpha_mean)
     innovation_i_beta = (cos_theta_pred * i_beta_meas - sin_theta_pred * i_alpha_meas -
@@ -813,15 +814,15 @@ def ckf_measurement_update(x_pred, LD_pred, R, y, turn_pred, math, stages=None):
     noise_10_per_noise_00 = noise_10 / noise_00
     HL_03 = INV_L_Q_PLUS_SALIENCY * sin_theta_pred
     g_first_3 = HL_03 * D_pred_psi_beta
-    var_first_3 = _larger(noise_00 + HL_03 * g_first_3, noise_00)
+    var_first_3 = noise_00 + HL_03 * g_first_3
     HL_02 = INV_L_Q_PLUS_SALIENCY * odd_psi_d_pred_2
     g_first_2 = D_pred_psi_alpha * HL_02
-    var_first_2 = _larger(var_first_3 + HL_02 * g_first_2, noise_00)
+    var_first_2 = var_first_3 + HL_02 * g_first_2
     HL_01 = INV_L_Q_PLUS_SALIENCY * odd_psi_d_pred_1
     g_first_1 = D_pred_omega * HL_01
-    var_first_1 = _larger(var_first_2 + HL_01 * g_first_1, noise_00)
+    var_first_1 = var_first_2 + HL_01 * g_first_1
     g_first_0 = D_pred_theta * odd_y_i_alpha_0
-    var_first = _larger(var_first_1 + odd_y_i_alpha_0 * g_first_0, noise_00)
+    var_first = var_first_1 + odd_y_i_alpha_0 * g_first_0
     one_per_var_first = 1.0 / var_first
     nu_by_var_first = innovation_i_alpha * one_per_var_first
     HL_13_apart = odd_y_i_beta_3 - HL_03 * noise_10_per_noise_00
@@ -837,24 +838,24 @@ def ckf_measurement_update(x_pred, LD_pred, R, y, turn_pred, math, stages=None):
     D_pred_psi_beta_per_var_first_3 = D_pred_psi_beta / var_first_3
     D_first_3 = noise_00 * D_pred_psi_beta_per_var_first_3
     g_second_3 = HL_13_apart * D_first_3
-    var_second_3 = _larger(R_second + HL_13_apart * g_second_3, R_second)
+    var_second_3 = R_second + HL_13_apart * g_second_3
     change_first_32 = (sin_theta_pred * (odd_psi_d_pred_2 * INV_L_Q_PLUS_SALIENCY_SQ) * D_pred_psi_beta_per_var_first_3)
     f_second_2 = HL_12_apart - HL_13_apart * change_first_32
     one_per_var_first_2 = 1.0 / var_first_2
     D_first_2 = var_first_3 * (D_pred_psi_alpha * one_per_var_first_2)
     g_second_2 = D_first_2 * f_second_2
-    var_second_2 = _larger(var_second_3 + f_second_2 * g_second_2, R_second)
+    var_second_2 = var_second_3 + f_second_2 * g_second_2
     lambda_first_1 = HL_01 * one_per_var_first_2
     f_second_1 = HL_11_apart - lambda_first_1 * gain_first_y2
     one_per_var_first_1 = 1.0 / var_first_1
     D_first_1 = var_first_2 * (D_pred_omega * one_per_var_first_1)
     g_second_1 = D_first_1 * f_second_1
-    var_second_1 = _larger(var_second_2 + f_second_1 * g_second_1, R_second)
+    var_second_1 = var_second_2 + f_second_1 * g_second_1
     lambda_first_0 = odd_y_i_alpha_0 * one_per_var_first_1
     f_second_0 = HL_10_apart - lambda_first_0 * gain_first_y1
     D_first_0 = var_first_1 * (D_pred_theta * one_per_var_first)
     g_second_0 = D_first_0 * f_second_0
-    var_second = _larger(var_second_1 + f_second_0 * g_second_0, R_second)
+    var_second = var_second_1 + f_second_0 * g_second_0
     gain_first_21 = g_first_2 + L_pred_21 * g_first_1
     L_first_21 = L_pred_21 - g_first_2 * lambda_first_1
     gain_second_21 = g_second_2 + L_first_21 * g_second_1
@@ -875,7 +876,7 @@ def ckf_measurement_update(x_pred, LD_pred, R, y, turn_pred, math, stages=None):
     L_first_10 = L_pred_10 - g_first_1 * lambda_first_0
     omega_new = (nu_by_var_first * (g_first_1 + g_first_0 * L_pred_10) +
         nu_by_var_second * (g_second_1 + g_second_0 * L_first_10) + omega_pred)
-    theta_new = math.wrap(g_first_0 * nu_by_var_first + g_second_0 * nu_by_var_second + theta_pred)
+    theta_new = g_first_0 * nu_by_var_first + g_second_0 * nu_by_var_second + theta_pred
     gain_first_42 = g_first_3 * L_pred_43 + g_first_2 * L_pred_42
     gain_first_41 = gain_first_42 + g_first_1 * L_pred_41
     L_first_42 = L_pred_42 - change_first_32 * L_pred_43
@@ -927,7 +928,7 @@ def coast(x_pred, LD_pred, math, stages=None):
         L_pred_32, D_pred_psi_beta, L_pred_40, L_pred_41, L_pred_42, L_pred_43, D_pred_load_torque) = LD_pred
 
     return (
-        (psi_alpha_pred, psi_beta_pred, omega_pred, math.wrap(theta_pred), load_torque_pred,),
+        (psi_alpha_pred, psi_beta_pred, omega_pred, theta_pred, load_torque_pred,),
         (D_pred_theta, L_pred_10, D_pred_omega, L_pred_20, L_pred_21, D_pred_psi_alpha, L_pred_30, L_pred_31,
             L_pred_32, D_pred_psi_beta, L_pred_40, L_pred_41, L_pred_42, L_pred_43, D_pred_load_torque,),
     )
@@ -965,9 +966,10 @@ def ckf_step(f, u, y, math, stages=None):
         coast_x, coast_LD = coast(x_pred, LD_pred, math, stages)
         x = _select(accepted, x, coast_x)
         LD = _select(accepted, LD, coast_LD)
-    # The sum of pivots, mean and states is no number if one of them is none.
-    check = (check[0] + f.nis + x[0] + x[1] + x[2] + x[3] + x[4],)
+    # The sum of pivots, mean and states is no number if one of them is none; theta, wrapped, is always one.
+    check = (check[0] + f.nis + x[0] + x[1] + x[2] + x[4],)
     x, LD, status = _set_status_bits(f, x, LD, check, status)
+    x = (*x[:3], math.wrap(x[3]), *x[4:])
     f.x, f.LD, f.u_held, f.iterations = x, LD, u_held, iterations
     return status
 
@@ -1003,7 +1005,8 @@ def control(i, rotor, command, gain, integrator, math, stages=None):
     (integral_speed, integral_d, integral_q, integral_weakening) = integrator
 
     # --- Park
-    sin_theta, cos_theta = math.sin_cos(theta)
+    theta_wrapped = math.wrap(theta)
+    sin_theta, cos_theta = math.sin_cos(theta_wrapped)
     i_d = cos_theta * i_alpha + sin_theta * i_beta
     i_q = cos_theta * i_beta - sin_theta * i_alpha
 
@@ -1074,7 +1077,8 @@ def control(i, rotor, command, gain, integrator, math, stages=None):
 
     # --- inverse Park at the angle in the middle of the acting interval
     theta_acting = theta + omega_e * gain_advance
-    sin_theta_acting, cos_theta_acting = math.sin_cos(theta_acting)
+    theta_acting_wrapped = math.wrap(theta_acting)
+    sin_theta_acting, cos_theta_acting = math.sin_cos(theta_acting_wrapped)
     v_alpha = cos_theta_acting * v_d - sin_theta_acting * v_q
     v_beta = sin_theta_acting * v_d + cos_theta_acting * v_q
 
@@ -1148,7 +1152,7 @@ def foc_step(c, filter_step, phase, command, math):
     """
     i = clarke(phase, math)
     status = filter_step(c.filter, c.v_acting, i, math)
-    i = _select(_within(i, c.filter.y_max), i, believed_currents(c.filter.x, math))
+    i = _select(_is_within(i, c.filter.y_max), i, believed_currents(c.filter.x, math))
     held = []
     for new, old, limit in zip(command, c.command_held, c.command_max):
         good = new * new <= limit * limit
@@ -1401,7 +1405,8 @@ def place_state(phase, guess, math, stages=None):
     omega = guess[2]
     theta = guess[3]
     i_beta = ONE_BY_SQRT_3 * i_a + TWO_BY_SQRT_3 * i_b
-    sin_theta, cos_theta = math.sin_cos(theta)
+    theta_wrapped = math.wrap(theta)
+    sin_theta, cos_theta = math.sin_cos(theta_wrapped)
     psi_d = L_D * (cos_theta * i_a + sin_theta * i_beta) + PSI_M
     psi_q = L_Q * (cos_theta * i_beta - sin_theta * i_a)
 
@@ -1526,6 +1531,7 @@ def _start_filter(s, f, phase, where, math):
     x[1] = np.where(where, s.guess[1], x[1])[()]
     x[2] = np.where(where, s.guess[2], x[2])[()]
     x[3] = np.where(where, s.guess[3], x[3])[()]
+    x[3] = np.where(where, math.wrap(x[3]), x[3])[()]
     LD[5] = np.where(where, FLUX_SQUARED * s.spread[1], LD[5])[()]
     LD[9] = np.where(where, FLUX_SQUARED * s.spread[1], LD[9])[()]
     LD[2] = np.where(where, s.spread[0], LD[2])[()]
@@ -2070,7 +2076,8 @@ def inject(rotor, duty, v, link, injection, math, stages=None):
     room = (v_link * _larger(_smaller(_smaller(duty_a, _smaller(duty_b, duty_c)), 1.0 - _larger(duty_a,
         _larger(duty_b, duty_c))), 0.0))
     size = sign * _smaller(amplitude * left, room)
-    sin_theta, cos_theta = math.sin_cos(theta)
+    theta_wrapped = math.wrap(theta)
+    sin_theta, cos_theta = math.sin_cos(theta_wrapped)
     added_alpha = cos_theta * size
     added_beta = sin_theta * size
     half = -0.5 * added_alpha

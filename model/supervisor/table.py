@@ -161,7 +161,11 @@ def _from_rest(rivals: bool, aligned: bool) -> tuple[Transition, ...]:
     known, none = at_least("readings", "MAX_READINGS"), within("phase", "ZERO_SQUARED")
     both = ("guess_rest", "place", "start_filter", "copy_filter", "guess_opposite", "place", OnRival("start_filter"))
     stands: tuple[str | OnRival, ...] = (*(both if rivals else ("start_at_rest",)), "void_voltages")
-    follows, how = ("STARTING", ", and the reference asks for motion") if rivals else ("RUNNING", ", and starts as the drive file says")
+    follows, how = (
+        ("STARTING", ", and the reference asks for motion")
+        if rivals
+        else ("RUNNING", ", and starts as the drive file says")
+    )
     if aligned:
         follows, how, stands = "ALIGNING", ", and a current turns it to where it is known", ("void_voltages",)
     tried = at_least("since", "PROBE_SAMPLES")

@@ -19,6 +19,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from model.alignment import aligns
 from model.rating import sensor_noise
 from runtime.drive.interface import controller_declarations, drive_declarations
 from runtime.drive.motor import FACTORS, inverter_of, longest_step, true_motor
@@ -28,6 +29,7 @@ from runtime.estimator.compiler import build_library
 from runtime.estimator.folder import GeneratedFolder
 from runtime.estimator.lanes import OPTIMISATION
 from runtime.estimator.threads import thread_count
+from runtime.folders.stated import stated_drive
 from runtime.recorded.units import RPM
 from runtime.system.errors import UserError
 
@@ -154,6 +156,8 @@ def fleet_files(folder: GeneratedFolder, kind: str, supervised: bool = False) ->
     prefix, plant = f"{folder.drive}_{kind}", f"{folder.drive}_plant"
     stems = [prefix, f"{prefix}_foc", *(f"host/{stem}_lanes" for stem in (prefix, f"{prefix}_foc", plant))]
     if supervised:
+        if aligns(stated_drive(folder)):
+            raise UserError(f"{folder.drive} starts by an alignment, which fleets of whole drives do not have.")
         stems += [f"{prefix}_supervisor", f"{prefix}_drive", f"host/{prefix}_drive_lanes", f"host/{plant}"]
     return ["pmsm_port.h", *(f"{stem}{end}" for stem in stems for end in (".h", ".c"))]
 

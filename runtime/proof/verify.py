@@ -19,6 +19,7 @@ from codegen.evidence.certificate import SAMPLES
 from codegen.generate import Package, build_steps, draft, generate_bare
 from codegen.output.folder import write_folder
 from codegen.targets.find import find_target
+from model.alignment import aligns
 from model.filters import FilterStep
 from model.schema import Drive
 from model.supervisor import supervisor

@@ -54,6 +54,9 @@
 #define MIRROR_SPEED 185.64062f /* (rad/s)^2: of half a turn on */
 #define START_ANGLE 0.09f /* rad^2: about each of the filters' guesses */
 #define HALF_PI 1.5707964f /* a quarter of a turn */
+#define START_SPEED 3.2563615f /* rad/s: STARTING goes for no less: WINDOW_TURN in the longest window */
+#define START_SPEED_SQUARED 10.60389f /* (rad/s)^2 */
+#define STILL_SQUARED 0.001060389f /* (rad/s)^2: a reference within this asks for no motion */
 #define HELD 0.001f /* of P_0: motor data that are states are not learnt while the rotor is looked for */
 #define PI 3.1415927f /* half a turn */
 
@@ -79,6 +82,8 @@
 #define ROUND 1.2582912e+07f
 /* The largest number below pi: wrapped angles stay in [-pi, pi). */
 #define BELOW_PI 3.1415925f
+/* Just below pi^2: an angle whose square is no larger is wrapped already. */
+#define INSIDE 9.8696f
 
 INLINE float32 smaller(float32 a, float32 b)
 {
@@ -96,7 +101,7 @@ INLINE float32 wrap_angle(float32 x)
     /* --- r = x - 2 pi turns, kept inside, where x is not inside itself */
     const float32 turns = x * 0.15915494f + ROUND - ROUND;
     const float32 r = x - turns * 6.283203f - turns * -1.781782e-05f;
-    return (larger(x, -x) <= 3.14159f) ? x : larger(smaller(r, BELOW_PI), -3.1415925f);
+    return (x * x <= INSIDE) ? x : larger(smaller(r, BELOW_PI), -3.1415925f);
 }
 
 /* --- one lane of a struct ------------------------------------------------------------------------------------ */
@@ -166,21 +171,21 @@ INLINE void turn_guess(const float32 guess[4], float32 guess_out[4])
 /* How far the angle turned, and how far it should have by the speed */
 INLINE void watch_turning(const float32 x[6], const float32 turning[5], float32 turning_out[5])
 {
-    const float32 omega = x[2];
     const float32 theta = x[3];
-    const float32 turned = turning[0];
-    const float32 stated = turning[1];
     const float32 theta_before = turning[2];
-    const float32 turned_now = turned + wrap_angle(theta - theta_before);
-    const float32 turn_now = TURN_PER_SAMPLE * omega;
-    const float32 stated_now = stated + turn_now;
+    const float32 moved_now = wrap_angle(theta - theta_before);
+    const float32 turned = turning[0];
+    const float32 turned_now = turned + moved_now;
+    const float32 stated = turning[1];
+    const float32 omega = x[2];
+    const float32 stated_now = stated + TURN_PER_SAMPLE * omega;
     const float32 off = turned_now - stated_now;
 
     turning_out[0] = turned_now;
     turning_out[1] = stated_now;
     turning_out[2] = theta;
     turning_out[3] = off * off - 0.25f * (stated_now * stated_now);
-    turning_out[4] = turn_now;
+    turning_out[4] = moved_now;
 }
 
 /* Direction and size of the current, and how it turned since the first reading */
@@ -188,12 +193,12 @@ static void read_current(const float32 phase[2], const float32 first[2], float32
 {
     const float32 i_a = phase[0];
     const float32 i_b = phase[1];
-    const float32 first_cosine = first[0];
-    const float32 first_sine = first[1];
     const float32 i_beta = ONE_BY_SQRT_3 * i_a + TWO_BY_SQRT_3 * i_b;
     const float32 size = PMSM_SQRT(larger(i_a * i_a + i_beta * i_beta, LEAST_SIZE));
     const float32 cosine = i_a / size;
     const float32 sine = i_beta / size;
+    const float32 first_cosine = first[0];
+    const float32 first_sine = first[1];
 
     reading_out[0] = cosine;
     reading_out[1] = sine;
@@ -204,18 +209,18 @@ static void read_current(const float32 phase[2], const float32 first[2], float32
 /* Where a current from zero voltage says that the rotor is */
 static void read_probe(const float32 reading[4], const float32 probe[2], float32 towards_out[4])
 {
-    const float32 i_cosine = reading[0];
-    const float32 i_sine = reading[1];
-    const float32 size = reading[2];
     const float32 direction = probe[0];
-    const float32 intervals = probe[1];
+    const float32 i_sine = reading[1];
     const float32 direction_times_i_sine = direction * i_sine;
     const float32 cosine = -direction_times_i_sine;
+    const float32 i_cosine = reading[0];
     const float32 sine = direction * i_cosine;
     const float32 along = larger(cosine, direction_times_i_sine);
     const float32 across = larger(sine, -sine);
     const float32 slope = (across - along) / larger(across + along, 0.5f);
     const float32 theta_first = QUARTER_PI + slope * (QUARTER_PI + ARC_BEND * (1.0f - larger(slope, -slope)));
+    const float32 size = reading[2];
+    const float32 intervals = probe[1];
 
     towards_out[0] = cosine;
     towards_out[1] = sine;
@@ -228,9 +233,9 @@ static void place_state(const float32 phase[2], const float32 guess[4], float32 
 {
     const float32 i_a = phase[0];
     const float32 i_b = phase[1];
+    const float32 i_beta = ONE_BY_SQRT_3 * i_a + TWO_BY_SQRT_3 * i_b;
     const float32 omega = guess[2];
     const float32 theta = guess[3];
-    const float32 i_beta = ONE_BY_SQRT_3 * i_a + TWO_BY_SQRT_3 * i_b;
 
     guess_out[0] = i_a;
     guess_out[1] = i_beta;
@@ -383,6 +388,9 @@ static void start_filter(hub_36v_ckf_supervisor_lanes_t *s, hub_36v_ckf_lanes_t 
     f->x[HUB_36V_CKF_I_BETA].of[lane] = s->guess[1].of[lane];
     f->x[HUB_36V_CKF_OMEGA].of[lane] = s->guess[2].of[lane];
     f->x[HUB_36V_CKF_THETA].of[lane] = s->guess[3].of[lane];
+    if (!(f->x[HUB_36V_CKF_THETA].of[lane] * f->x[HUB_36V_CKF_THETA].of[lane] <= INSIDE)) {
+        f->x[HUB_36V_CKF_THETA].of[lane] = wrap_angle(f->x[HUB_36V_CKF_THETA].of[lane]);
+    }
     f->LD[HUB_36V_CKF_LD_OMEGA].of[lane] = s->spread[0].of[lane];
     f->LD[HUB_36V_CKF_LD_THETA].of[lane] = s->spread[1].of[lane];
     f->LD[HUB_36V_CKF_LD_STATOR_RESISTANCE].of[lane] = HELD * f->P_0[HUB_36V_CKF_STATOR_RESISTANCE].of[lane];
@@ -499,6 +507,7 @@ static void watch(hub_36v_ckf_supervisor_lanes_t *__restrict s, const hub_36v_ck
         int since;
         float32 probe[2];
         int mode;
+        float32 asked[1];
         float32 guess[4];
         float32 eased[1];
         float32 phase[2];
@@ -518,37 +527,43 @@ static void watch(hub_36v_ckf_supervisor_lanes_t *__restrict s, const hub_36v_ck
         int hit_2;
         int miss_2;
         int hit_3;
-        float32 guess_new[4];
         int hit_4;
-        int miss_4;
+        float32 guess_new[4];
         int hit_5;
         int miss_5;
         int hit_6;
+        int miss_6;
         int hit_7;
-        int miss_7;
         int hit_8;
         int miss_8;
         int hit_9;
+        int miss_9;
         int hit_10;
-        int miss_10;
         int hit_11;
+        int miss_11;
         int hit_12;
-        int miss_12;
         int hit_13;
         int miss_13;
         int hit_14;
         int miss_14;
-        float32 turning_new[5];
         int hit_15;
+        int miss_15;
+        float32 turning_new[5];
         int hit_16;
+        int miss_16;
         int hit_17;
         int hit_18;
         int hit_19;
-        int miss_19;
+        int hit_20;
+        int hit_21;
+        int hit_22;
+        int hit_23;
+        int miss_23;
         since = s->since[lane];
         probe[0] = s->probe[0].of[lane];
         probe[1] = s->probe[1].of[lane];
         mode = s->mode[lane];
+        asked[0] = s->asked[0].of[lane];
         guess[0] = s->guess[0].of[lane];
         guess[1] = s->guess[1].of[lane];
         guess[2] = s->guess[2].of[lane];
@@ -587,72 +602,86 @@ static void watch(hub_36v_ckf_supervisor_lanes_t *__restrict s, const hub_36v_ck
         miss_2 = !(mode == PMSM_PROBING);
         probe[1] = (hit_2 != 0) ? probe[1] + 1.0f : probe[1];
         probe[1] = (miss_2 != 0) ? 0.0f : probe[1];
-        hit_3 = (mode == PMSM_WAITING);
+        asked[0] = reference;
+        hit_3 = (reference * reference < START_SPEED_SQUARED);
+        asked[0] = (hit_3 != 0) ? probe[0] * START_SPEED : asked[0];
+        hit_4 = (mode == PMSM_WAITING);
         turn_guess(guess, guess_new);
-        guess[0] = (hit_3 != 0) ? guess_new[0] : guess[0];
-        guess[1] = (hit_3 != 0) ? guess_new[1] : guess[1];
-        guess[2] = (hit_3 != 0) ? guess_new[2] : guess[2];
-        guess[3] = (hit_3 != 0) ? guess_new[3] : guess[3];
-        hit_4 = (mode == PMSM_CATCHING);
-        miss_4 = !(mode == PMSM_CATCHING);
-        eased[0] = (hit_4 != 0) ? EASE : eased[0];
-        hit_5 = miss_4 & (mode == PMSM_RUNNING);
-        miss_5 = miss_4 & !(mode == PMSM_RUNNING);
-        eased[0] = (hit_5 != 0) ? eased[0] + EASE : eased[0];
-        eased[0] = (miss_5 != 0) ? 1.0f : eased[0];
-        hit_6 = miss_4 & (!(eased[0] <= 1.0f));
-        eased[0] = (hit_6 != 0) ? 1.0f : eased[0];
-        hit_7 = (mode == PMSM_RESTING);
-        miss_7 = !(mode == PMSM_RESTING);
-        hit_8 = hit_7 & ((phase[0] * phase[0] <= ZERO_SQUARED) & (phase[1] * phase[1] <= ZERO_SQUARED));
-        miss_8 = hit_7 & !((phase[0] * phase[0] <= ZERO_SQUARED) & (phase[1] * phase[1] <= ZERO_SQUARED));
-        quiet += (hit_8 & (quiet < REST_SAMPLES)) ? 1 : 0;
+        guess[0] = (hit_4 != 0) ? guess_new[0] : guess[0];
+        guess[1] = (hit_4 != 0) ? guess_new[1] : guess[1];
+        guess[2] = (hit_4 != 0) ? guess_new[2] : guess[2];
+        guess[3] = (hit_4 != 0) ? guess_new[3] : guess[3];
+        hit_5 = (mode == PMSM_CATCHING);
+        miss_5 = !(mode == PMSM_CATCHING);
+        eased[0] = (hit_5 != 0) ? EASE : eased[0];
+        hit_6 = miss_5 & (mode == PMSM_RUNNING);
+        miss_6 = miss_5 & !(mode == PMSM_RUNNING);
+        eased[0] = (hit_6 != 0) ? eased[0] + EASE : eased[0];
+        eased[0] = (miss_6 != 0) ? 1.0f : eased[0];
+        hit_7 = miss_5 & (!(eased[0] <= 1.0f));
+        eased[0] = (hit_7 != 0) ? 1.0f : eased[0];
+        hit_8 = (mode == PMSM_RESTING);
+        miss_8 = !(mode == PMSM_RESTING);
+        hit_9 = hit_8 & ((phase[0] * phase[0] <= ZERO_SQUARED) & (phase[1] * phase[1] <= ZERO_SQUARED));
+        miss_9 = hit_8 & !((phase[0] * phase[0] <= ZERO_SQUARED) & (phase[1] * phase[1] <= ZERO_SQUARED));
+        quiet += (hit_9 & (quiet < REST_SAMPLES)) ? 1 : 0;
+        quiet = (miss_9 != 0) ? 0 : quiet;
         quiet = (miss_8 != 0) ? 0 : quiet;
-        quiet = (miss_7 != 0) ? 0 : quiet;
-        hit_9 = (!(mode == PMSM_FAULT));
-        acknowledged = (hit_9 != 0) ? 0 : acknowledged;
-        hit_10 = ((phase[0] * phase[0] > TRIP_SQUARED) | (phase[1] * phase[1] > TRIP_SQUARED));
-        miss_10 = !((phase[0] * phase[0] > TRIP_SQUARED) | (phase[1] * phase[1] > TRIP_SQUARED));
-        excess += (hit_10 & (excess < MAX_EXCESS)) ? 1 : 0;
-        excess = (miss_10 != 0) ? 0 : excess;
-        hit_11 = (runs == 1);
-        hit_12 = hit_11 & ((status[lane] & PMSM_INPUT_REJECTED) != 0);
-        miss_12 = hit_11 & !((status[lane] & PMSM_INPUT_REJECTED) != 0);
-        rejected += (hit_12 & (rejected < MAX_REJECTED)) ? 1 : 0;
-        rejected = (miss_12 != 0) ? 0 : rejected;
-        hit_13 = hit_11 & ((status[lane] & PMSM_DIVERGED) != 0);
-        miss_13 = hit_11 & !((status[lane] & PMSM_DIVERGED) != 0);
-        diverged += (hit_13 & (diverged < MAX_DIVERGED)) ? 1 : 0;
-        diverged = (miss_13 != 0) ? 0 : diverged;
-        hit_14 = hit_11 & ((rejected == 0) & (diverged == 0) & !((status[lane] & PMSM_RESTARTED) != 0));
-        miss_14 = hit_11 & !((rejected == 0) & (diverged == 0) & !((status[lane] & PMSM_RESTARTED) != 0));
-        content += (hit_14 & (content < LOCKED_SAMPLES)) ? 1 : 0;
-        content = (miss_14 != 0) ? 0 : content;
+        hit_10 = (!(mode == PMSM_FAULT));
+        acknowledged = (hit_10 != 0) ? 0 : acknowledged;
+        hit_11 = ((phase[0] * phase[0] > TRIP_SQUARED) | (phase[1] * phase[1] > TRIP_SQUARED));
+        miss_11 = !((phase[0] * phase[0] > TRIP_SQUARED) | (phase[1] * phase[1] > TRIP_SQUARED));
+        excess += (hit_11 & (excess < MAX_EXCESS)) ? 1 : 0;
+        excess = (miss_11 != 0) ? 0 : excess;
+        hit_12 = (runs == 1);
+        hit_13 = hit_12 & ((status[lane] & PMSM_INPUT_REJECTED) != 0);
+        miss_13 = hit_12 & !((status[lane] & PMSM_INPUT_REJECTED) != 0);
+        rejected += (hit_13 & (rejected < MAX_REJECTED)) ? 1 : 0;
+        rejected = (miss_13 != 0) ? 0 : rejected;
+        hit_14 = hit_12 & ((status[lane] & PMSM_DIVERGED) != 0);
+        miss_14 = hit_12 & !((status[lane] & PMSM_DIVERGED) != 0);
+        diverged += (hit_14 & (diverged < MAX_DIVERGED)) ? 1 : 0;
+        diverged = (miss_14 != 0) ? 0 : diverged;
+        hit_15 = hit_12 & ((rejected == 0) & (diverged == 0) & !((status[lane] & PMSM_RESTARTED) != 0));
+        miss_15 = hit_12 & !((rejected == 0) & (diverged == 0) & !((status[lane] & PMSM_RESTARTED) != 0));
+        content += (hit_15 & (content < LOCKED_SAMPLES)) ? 1 : 0;
+        content = (miss_15 != 0) ? 0 : content;
         watch_turning(x, turning, turning_new);
-        turning[0] = (hit_11 != 0) ? turning_new[0] : turning[0];
-        turning[1] = (hit_11 != 0) ? turning_new[1] : turning[1];
-        turning[2] = (hit_11 != 0) ? turning_new[2] : turning[2];
-        turning[3] = (hit_11 != 0) ? turning_new[3] : turning[3];
-        turning[4] = (hit_11 != 0) ? turning_new[4] : turning[4];
-        hit_15 = hit_11 & ((phase[0] * phase[0] > PROBE_SQUARED) | (phase[1] * phase[1] > PROBE_SQUARED));
-        silent[0] = (hit_15 != 0) ? silent[0] + turning[4] : silent[0];
-        hit_16 = hit_15 & (phase[0] * phase[0] > ZERO_SQUARED);
-        silent[0] = (hit_16 != 0) ? 0.0f : silent[0];
-        silent[1] = (hit_15 != 0) ? silent[1] + turning[4] : silent[1];
-        hit_17 = hit_15 & (phase[1] * phase[1] > ZERO_SQUARED);
-        silent[1] = (hit_17 != 0) ? 0.0f : silent[1];
-        silent[2] = (hit_15 != 0) ? silent[2] + turning[4] : silent[2];
-        hit_18 = hit_15 & ((phase[0] + phase[1]) * (phase[0] + phase[1]) > ZERO_SQUARED);
-        silent[2] = (hit_18 != 0) ? 0.0f : silent[2];
-        hit_19 = hit_11 & ((silent[0] * silent[0] >= SILENT_TURN_SQUARED) |
+        turning[0] = (hit_12 != 0) ? turning_new[0] : turning[0];
+        turning[1] = (hit_12 != 0) ? turning_new[1] : turning[1];
+        turning[2] = (hit_12 != 0) ? turning_new[2] : turning[2];
+        turning[3] = (hit_12 != 0) ? turning_new[3] : turning[3];
+        turning[4] = (hit_12 != 0) ? turning_new[4] : turning[4];
+        hit_16 = hit_12 & ((phase[0] * phase[0] > PROBE_SQUARED) | (phase[1] * phase[1] > PROBE_SQUARED));
+        miss_16 = hit_12 & !((phase[0] * phase[0] > PROBE_SQUARED) | (phase[1] * phase[1] > PROBE_SQUARED));
+        silent[0] = (hit_16 != 0) ? silent[0] + turning[4] : silent[0];
+        hit_17 = hit_16 & (phase[0] * phase[0] > ZERO_SQUARED);
+        silent[0] = (hit_17 != 0) ? 0.0f : silent[0];
+        silent[1] = (hit_16 != 0) ? silent[1] + turning[4] : silent[1];
+        hit_18 = hit_16 & (phase[1] * phase[1] > ZERO_SQUARED);
+        silent[1] = (hit_18 != 0) ? 0.0f : silent[1];
+        silent[2] = (hit_16 != 0) ? silent[2] + turning[4] : silent[2];
+        hit_19 = hit_16 & ((phase[0] + phase[1]) * (phase[0] + phase[1]) > ZERO_SQUARED);
+        silent[2] = (hit_19 != 0) ? 0.0f : silent[2];
+        silent[0] = (miss_16 != 0) ? silent[0] - 0.25f * turning[4] : silent[0];
+        hit_20 = miss_16 & (silent[0] * turning[4] < 0.0f);
+        silent[0] = (hit_20 != 0) ? 0.0f : silent[0];
+        silent[1] = (miss_16 != 0) ? silent[1] - 0.25f * turning[4] : silent[1];
+        hit_21 = miss_16 & (silent[1] * turning[4] < 0.0f);
+        silent[1] = (hit_21 != 0) ? 0.0f : silent[1];
+        silent[2] = (miss_16 != 0) ? silent[2] - 0.25f * turning[4] : silent[2];
+        hit_22 = miss_16 & (silent[2] * turning[4] < 0.0f);
+        silent[2] = (hit_22 != 0) ? 0.0f : silent[2];
+        hit_23 = hit_12 & ((silent[0] * silent[0] >= SILENT_TURN_SQUARED) |
             (silent[1] * silent[1] >= SILENT_TURN_SQUARED) | (silent[2] * silent[2] >= SILENT_TURN_SQUARED));
-        miss_19 = hit_11 & !((silent[0] * silent[0] >= SILENT_TURN_SQUARED) |
+        miss_23 = hit_12 & !((silent[0] * silent[0] >= SILENT_TURN_SQUARED) |
             (silent[1] * silent[1] >= SILENT_TURN_SQUARED) | (silent[2] * silent[2] >= SILENT_TURN_SQUARED));
-        open += (hit_19 & (open < MAX_OPEN)) ? 1 : 0;
-        open = (miss_19 != 0) ? 0 : open;
+        open += (hit_23 & (open < MAX_OPEN)) ? 1 : 0;
+        open = (miss_23 != 0) ? 0 : open;
         s->since[lane] = since;
         s->probe[0].of[lane] = probe[0];
         s->probe[1].of[lane] = probe[1];
+        s->asked[0].of[lane] = asked[0];
         s->guess[0].of[lane] = guess[0];
         s->guess[1].of[lane] = guess[1];
         s->guess[2].of[lane] = guess[2];
@@ -695,7 +724,7 @@ static int ask(const hub_36v_ckf_supervisor_lanes_t *__restrict s, const hub_36v
         of_0 = (s->quiet[lane] >= REST_SAMPLES) ? 2 : of_0;
         of_0 = (s->failures[lane] >= MAX_FAILURES) ? 1 : of_0;
         next = (s->mode[lane] == PMSM_RESTING) ? of_0 : next;
-        of_1 = (s->since[lane] >= PROBE_SAMPLES) ? 7 : of_1;
+        of_1 = ((s->since[lane] >= PROBE_SAMPLES) & (reference * reference > STILL_SQUARED)) ? 7 : of_1;
         of_1 = (!((currents[0].of[lane] * currents[0].of[lane] <= PROBE_SQUARED) &
             (currents[1].of[lane] * currents[1].of[lane] <= PROBE_SQUARED))) ? 6 : of_1;
         of_1 = (!((currents[0].of[lane] * currents[0].of[lane] <= PROBE_SQUARED) &
@@ -795,7 +824,7 @@ static void carry_out(hub_36v_ckf_supervisor_lanes_t *s, hub_36v_ckf_lanes_t *f,
         go(s, PMSM_WAITING, lane);
         break;
     case 7:
-        /* PROBING: no current came: the rotor stands */
+        /* PROBING: no current came: the rotor stands, and the reference asks for motion */
         guess_rest(s, f, lane);
         place(s, currents, lane);
         start_filter(s, f, lane);
@@ -1140,6 +1169,19 @@ static void limit_current(hub_36v_ckf_foc_lanes_t *__restrict c, const hub_36v_c
     }
 }
 
+/* The speed to go for: the reference, or what a start goes for at least. */
+static void ask_speed(const hub_36v_ckf_supervisor_lanes_t *__restrict s, const lanes *__restrict command,
+    lanes *__restrict asked)
+{
+    int lane;
+    for (lane = 0; lane < LANES; lane++) {
+        const float32 reference = command[0].of[lane];
+        const float32 start = s->asked[0].of[lane];
+        asked[0].of[lane] = (s->rivals[lane] != 0) ? start : reference;
+        asked[1].of[lane] = command[1].of[lane];
+    }
+}
+
 /* Filters, rivals and controllers in the lanes in which they run. */
 static void run(hub_36v_ckf_drive_lanes_t *d, const lanes *phase, const lanes *command, lanes *duty, int running)
 {
@@ -1147,15 +1189,17 @@ static void run(hub_36v_ckf_drive_lanes_t *d, const lanes *phase, const lanes *c
     const lanes max_current = d->control.gain[MAX_CURRENT];
     lanes rotor[1];
     lanes share[1];
+    lanes asked[2];
     int lane;
     if (running < LANES) {
         kept = d->control;
     }
     run_rivals(d, phase);
+    ask_speed(&d->supervisor, command, asked);
     rotor[0] = d->control.filter.x[HUB_36V_CKF_OMEGA];
-    allow(command, rotor, share);
+    allow(asked, rotor, share);
     limit_current(&d->control, &d->supervisor, share);
-    hub_36v_ckf_foc_lanes_step(&d->control, phase, command, duty);
+    hub_36v_ckf_foc_lanes_step(&d->control, phase, asked, duty);
     d->control.gain[MAX_CURRENT] = max_current;
     if (running < LANES) {
         for (lane = 0; lane < LANES; lane++) {
@@ -1365,6 +1409,9 @@ static void put_supervisor(hub_36v_ckf_supervisor_lanes_t *all, int lane, const 
     all->side[lane] = own->side;
     all->windows[lane] = own->windows;
     all->good[lane] = own->good;
+    for (k = 0; k < 1; k++) {
+        all->asked[k].of[lane] = own->asked[k];
+    }
 }
 
 static void get_supervisor(const hub_36v_ckf_supervisor_lanes_t *all, int lane, hub_36v_ckf_supervisor_t *own)
@@ -1417,6 +1464,9 @@ static void get_supervisor(const hub_36v_ckf_supervisor_lanes_t *all, int lane, 
     own->side = all->side[lane];
     own->windows = all->windows[lane];
     own->good = all->good[lane];
+    for (k = 0; k < 1; k++) {
+        own->asked[k] = all->asked[k].of[lane];
+    }
 }
 
 void hub_36v_ckf_drive_lanes_load(hub_36v_ckf_drive_lanes_t *d, int lane, const hub_36v_ckf_drive_t *drive)

@@ -41,6 +41,7 @@ typedef struct {
     int side[LANES];
     int windows[LANES];
     int good[LANES];
+    lanes asked[1];
     hub_36v_ckf_lanes_t rival;
     int taken[LANES]; /* what hub_36v_ckf_supervise returns */
 } hub_36v_ckf_supervisor_lanes_t;

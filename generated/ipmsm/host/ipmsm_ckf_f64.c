@@ -73,6 +73,8 @@
 #define ROUND 6755399441055744.0
 /* The largest number below pi: wrapped angles stay in [-pi, pi). */
 #define BELOW_PI 3.1415926535897927
+/* Just below pi^2: an angle whose square is no larger is wrapped already. */
+#define INSIDE 9.8696
 
 typedef struct {
     float64 sine;
@@ -192,11 +194,11 @@ static float64 wrap_angle(float64 x)
     /* --- r = x - 2 pi turns, kept inside, where x is not inside itself */
     const float64 turns = x * 0.15915494309189535 + ROUND - ROUND;
     const float64 r = x - turns * 6.2831853069365025 - turns * 2.430840202602477e-10;
-    return (larger(x, -x) <= 3.14159) ? x : larger(smaller(r, BELOW_PI), -3.1415926535897927);
+    return (x * x <= INSIDE) ? x : larger(smaller(r, BELOW_PI), -3.1415926535897927);
 }
 
-/* Both values are numbers within +-limit; NaN and infinity are not. Rounded squares stand in the order of the values
- * for limits of 1e-18 .. 1e18, so that one comparison says both sides. */
+/* Both values are numbers within +-limit; NaN and infinity are not. Rounded squares stand in the order of the values,
+ * so that one comparison says both sides. */
 static int within(const float64 value[2], float64 limit)
 {
     const float64 most = limit * limit;
@@ -271,7 +273,8 @@ static void time_update(const float64 x[5], const float64 LD[15], const float64 
     const float64 theta_mid = HALF_T * omega_e + theta;
     const float64 L_30 = LD[6];
     const float64 odd_theta_mid_0 = HALF_T * odd_omega_e_0 + L_30;
-    const pmsm_pair_f64 sincos_theta_mid = sin_cos(theta_mid);
+    const float64 theta_mid_wrapped = wrap_angle(theta_mid);
+    const pmsm_pair_f64 sincos_theta_mid = sin_cos(theta_mid_wrapped);
     const float64 sin_theta_mid = sincos_theta_mid.sine;
     const float64 cos_theta_mid = sincos_theta_mid.cosine;
     const float64 i_alpha = x[0];
@@ -731,7 +734,7 @@ static void time_update(const float64 x[5], const float64 LD[15], const float64 
 static void ckf_measurement_update(const float64 x_pred[5], const float64 LD_pred[15], const float64 R[2],
     const float64 y[2], float64 x_out[5], float64 LD_out[15], float64 nis_out[1])
 {
-    /* --- eq. 25: y - y_pred; theta wrapped */
+    /* --- eq. 25: y - y_pred */
     const float64 i_alpha_meas = y[0];
     const float64 i_alpha_pred = x_pred[0];
     const float64 innovation_i_alpha = i_alpha_meas - i_alpha_pred;
@@ -750,7 +753,7 @@ static void ckf_measurement_update(const float64 x_pred[5], const float64 LD_pre
     const float64 var_second_1 = R_1 + D_pred_i_beta;
     const float64 D_first_0 = R_0 * D_pred_i_alpha_per_var_first;
     const float64 g_second_0 = D_first_0 * L_pred_10;
-    const float64 var_second = larger(var_second_1 + L_pred_10 * g_second_0, R_1);
+    const float64 var_second = var_second_1 + L_pred_10 * g_second_0;
     const float64 one_per_var_second = 1.0 / var_second;
     const float64 nu_by_var_second = innovation_after_first * one_per_var_second;
     const float64 correction_second_0 = correction_first_0 + g_second_0 * nu_by_var_second;
@@ -764,8 +767,7 @@ static void ckf_measurement_update(const float64 x_pred[5], const float64 LD_pre
     const float64 L_pred_30 = LD_pred[6];
     const float64 L_pred_31 = LD_pred[7];
     const float64 theta_pred = x_pred[3];
-    const float64 theta_new = wrap_angle(correction_second_0 * L_pred_30 + part_of_omega_new * L_pred_31 +
-        theta_pred);
+    const float64 theta_new = correction_second_0 * L_pred_30 + part_of_omega_new * L_pred_31 + theta_pred;
     const float64 L_pred_40 = LD_pred[10];
     const float64 L_pred_41 = LD_pred[11];
     const float64 load_torque_pred = x_pred[4];
@@ -842,7 +844,7 @@ static void coast(const float64 x_pred[5], const float64 LD_pred[15], float64 x_
     x_out[0] = i_alpha_pred;
     x_out[1] = i_beta_pred;
     x_out[2] = omega_pred;
-    x_out[3] = wrap_angle(theta_pred);
+    x_out[3] = theta_pred;
     x_out[4] = load_torque_pred;
     LD_out[0] = D_pred_i_alpha;
     LD_out[1] = L_pred_10;
@@ -895,9 +897,16 @@ static void restart(ipmsm_ckf_f64_t *f)
 {
     int i;
     static const int variance[N_STATES] = { 0, 2, 5, 9, 14 }; /* its place among the words */
-    for (i = 0; i < N_WORDS; i++) {
-        f->LD[i] = 0.0;
-    }
+    f->LD[1] = 0.0;
+    f->LD[3] = 0.0;
+    f->LD[4] = 0.0;
+    f->LD[6] = 0.0;
+    f->LD[7] = 0.0;
+    f->LD[8] = 0.0;
+    f->LD[10] = 0.0;
+    f->LD[11] = 0.0;
+    f->LD[12] = 0.0;
+    f->LD[13] = 0.0;
     for (i = 0; i < N_STATES; i++) {
         f->x[i] = f->x_0[i];
         f->LD[variance[i]] = f->P_0[i];
@@ -946,15 +955,19 @@ int ipmsm_ckf_f64_step(ipmsm_ckf_f64_t *f, const float64 u[2], const float64 y[2
     float64 LD_pred[15];
     float64 check[1];
     float64 nis[1];
-    const int u_good = within(u, f->u_max);
-    const int accepted = (u_good != 0) ? within(y, f->y_max) : 0;
-    int iterations = accepted;
-    int status = (accepted != 0) ? 0 : PMSM_INPUT_REJECTED;
+    int accepted = 0;
+    int iterations;
+    int status = PMSM_INPUT_REJECTED;
 
-    if (u_good != 0) {
+    if (within(u, f->u_max) != 0) {
         f->u_held[0] = u[0];
         f->u_held[1] = u[1];
+        if (within(y, f->y_max) != 0) {
+            accepted = 1;
+            status = 0;
+        }
     }
+    iterations = accepted;
     status |= time_update_turns(f->LD, turn);
     time_update(f->x, f->LD, f->Q, f->u_held, turn, x_pred, LD_pred, check);
     if (!((LD_pred[0] > f->Q[0]) && (LD_pred[2] > f->Q[1]) && (LD_pred[5] > f->Q[2]) && (LD_pred[9] > f->Q[3])
@@ -967,11 +980,15 @@ int ipmsm_ckf_f64_step(ipmsm_ckf_f64_t *f, const float64 u[2], const float64 y[2
     } else {
         coast(x_pred, LD_pred, f->x, f->LD);
     }
-    /* The sum of pivots, mean and states is no number if one of them is none. */
-    check[0] = check[0] + f->nis + f->x[0] + f->x[1] + f->x[2] + f->x[3] + f->x[4];
-    if (((status & PMSM_COVARIANCE_REPAIRED) != 0) || !(check[0] * check[0] <= SANE_LIMIT * SANE_LIMIT) ||
-        !(f->nis < f->nis_max)) {
+    /* The sum of pivots, mean and states is no number if one of them is none; theta, wrapped, is always one.
+        */
+    check[0] = check[0] + f->nis + f->x[0] + f->x[1] + f->x[2] + f->x[4];
+    if (!(check[0] * check[0] <= SANE_LIMIT * SANE_LIMIT) || !(f->nis < f->nis_max) ||
+        ((status & PMSM_COVARIANCE_REPAIRED) != 0)) {
         status = set_status_bits(f, status, check[0]);
+    }
+    if (!(f->x[3] * f->x[3] <= INSIDE)) {
+        f->x[3] = wrap_angle(f->x[3]);
     }
     f->iterations = iterations;
     return status;

@@ -54,6 +54,9 @@
 #define MIRROR_SPEED 2500.0f /* (rad/s)^2: of half a turn on */
 #define START_ANGLE 0.09f /* rad^2: about each of the filters' guesses */
 #define HALF_PI 1.5707964f /* a quarter of a turn */
+#define START_SPEED 14.933257f /* rad/s: STARTING goes for no less: WINDOW_TURN in the longest window */
+#define START_SPEED_SQUARED 223.00217f /* (rad/s)^2 */
+#define STILL_SQUARED 0.022300217f /* (rad/s)^2: a reference within this asks for no motion */
 #define PI 3.1415927f /* half a turn */
 
 #define TURN_PER_SAMPLE 0.0003f /* p T, rad electrical per rad/s */
@@ -79,25 +82,22 @@
 #define ROUND 1.2582912e+07f
 /* The largest number below pi: wrapped angles stay in [-pi, pi). */
 #define BELOW_PI 3.1415925f
+/* Just below pi^2: an angle whose square is no larger is wrapped already. */
+#define INSIDE 9.8696f
 
 /* Sine and cosine as arithmetic: no branch, the same bits on every IEEE machine.
- * Error for |x| <= 1000 rad: proved 4.5e-07, worst of 200002 arguments 1.2e-07. */
-#define ROUND_EVEN 2.5165824e+07f /* adding and subtracting it rounds to the nearest even integer */
+ * Error for |x| <= pi, as wrap_angle leaves it: proved 8.0e-07, worst of 500002 arguments 3.8e-07. */
 INLINE pmsm_pair sin_cos(float32 x)
 {
     pmsm_pair result;
-    /* --- x = k pi + r with |r| <= pi / 2, pi in two parts */
-    const float32 k = x * 0.31830987f + ROUND - ROUND;
-    const float32 r = x - k * 3.1416016f - k * -8.90891e-06f;
-    /* --- the sign is -1 for odd k */
-    const float32 odd = k - (k + ROUND_EVEN - ROUND_EVEN);
-    const float32 sign = 1.0f - 2.0f * (odd * odd);
-    /* --- minimax polynomials in z = r^2 */
-    const float32 z = r * r;
-    result.sine = sign * (r + r * z * (((2.5999034e-06f * z + -0.00019806548f) * z + 0.008333016f) * z +
-        -0.16666657f));
-    result.cosine = sign * (1.0f - 0.5f * z + z * z * (((-2.6192484e-07f * z + 2.476924e-05f) * z +
-        -0.0013888568f) * z + 0.041666657f));
+    /* --- s = 2 sin(x / 2), c = cos(x / 2), minimax polynomials in z = x^2 */
+    const float32 z = x * x;
+    const float32 s = x * ((((1.0156464e-08f * z + -3.0947836e-06f) * z + 0.00052081357f) * z +
+        -0.04166664f) * z + 1.0f);
+    const float32 c = (((9.060307e-08f * z + -2.1649887e-05f) * z + 0.0026039993f) * z + -0.12499983f) * z +
+        1.0f;
+    result.sine = s * c;
+    result.cosine = 2.0f * (c * c) - 1.0f;
     return result;
 }
 
@@ -117,7 +117,7 @@ INLINE float32 wrap_angle(float32 x)
     /* --- r = x - 2 pi turns, kept inside, where x is not inside itself */
     const float32 turns = x * 0.15915494f + ROUND - ROUND;
     const float32 r = x - turns * 6.283203f - turns * -1.781782e-05f;
-    return (larger(x, -x) <= 3.14159f) ? x : larger(smaller(r, BELOW_PI), -3.1415925f);
+    return (x * x <= INSIDE) ? x : larger(smaller(r, BELOW_PI), -3.1415925f);
 }
 
 /* --- one lane of a struct ------------------------------------------------------------------------------------ */
@@ -187,21 +187,21 @@ INLINE void turn_guess(const float32 guess[4], float32 guess_out[4])
 /* How far the angle turned, and how far it should have by the speed */
 INLINE void watch_turning(const float32 x[5], const float32 turning[5], float32 turning_out[5])
 {
-    const float32 omega = x[2];
     const float32 theta = x[3];
-    const float32 turned = turning[0];
-    const float32 stated = turning[1];
     const float32 theta_before = turning[2];
-    const float32 turned_now = turned + wrap_angle(theta - theta_before);
-    const float32 turn_now = TURN_PER_SAMPLE * omega;
-    const float32 stated_now = stated + turn_now;
+    const float32 moved_now = wrap_angle(theta - theta_before);
+    const float32 turned = turning[0];
+    const float32 turned_now = turned + moved_now;
+    const float32 stated = turning[1];
+    const float32 omega = x[2];
+    const float32 stated_now = stated + TURN_PER_SAMPLE * omega;
     const float32 off = turned_now - stated_now;
 
     turning_out[0] = turned_now;
     turning_out[1] = stated_now;
     turning_out[2] = theta;
     turning_out[3] = off * off - 0.25f * (stated_now * stated_now);
-    turning_out[4] = turn_now;
+    turning_out[4] = moved_now;
 }
 
 /* Direction and size of the current, and how it turned since the first reading */
@@ -209,12 +209,12 @@ static void read_current(const float32 phase[2], const float32 first[2], float32
 {
     const float32 i_a = phase[0];
     const float32 i_b = phase[1];
-    const float32 first_cosine = first[0];
-    const float32 first_sine = first[1];
     const float32 i_beta = ONE_BY_SQRT_3 * i_a + TWO_BY_SQRT_3 * i_b;
     const float32 size = PMSM_SQRT(larger(i_a * i_a + i_beta * i_beta, LEAST_SIZE));
     const float32 cosine = i_a / size;
     const float32 sine = i_beta / size;
+    const float32 first_cosine = first[0];
+    const float32 first_sine = first[1];
 
     reading_out[0] = cosine;
     reading_out[1] = sine;
@@ -225,18 +225,18 @@ static void read_current(const float32 phase[2], const float32 first[2], float32
 /* Where a current from zero voltage says that the rotor is */
 static void read_probe(const float32 reading[4], const float32 probe[2], float32 towards_out[4])
 {
-    const float32 i_cosine = reading[0];
-    const float32 i_sine = reading[1];
-    const float32 size = reading[2];
     const float32 direction = probe[0];
-    const float32 intervals = probe[1];
+    const float32 i_sine = reading[1];
     const float32 direction_times_i_sine = direction * i_sine;
     const float32 cosine = -direction_times_i_sine;
+    const float32 i_cosine = reading[0];
     const float32 sine = direction * i_cosine;
     const float32 along = larger(cosine, direction_times_i_sine);
     const float32 across = larger(sine, -sine);
     const float32 slope = (across - along) / larger(across + along, 0.5f);
     const float32 theta_first = QUARTER_PI + slope * (QUARTER_PI + ARC_BEND * (1.0f - larger(slope, -slope)));
+    const float32 size = reading[2];
+    const float32 intervals = probe[1];
 
     towards_out[0] = cosine;
     towards_out[1] = sine;
@@ -249,9 +249,9 @@ static void place_state(const float32 phase[2], const float32 guess[4], float32 
 {
     const float32 i_a = phase[0];
     const float32 i_b = phase[1];
+    const float32 i_beta = ONE_BY_SQRT_3 * i_a + TWO_BY_SQRT_3 * i_b;
     const float32 omega = guess[2];
     const float32 theta = guess[3];
-    const float32 i_beta = ONE_BY_SQRT_3 * i_a + TWO_BY_SQRT_3 * i_b;
 
     guess_out[0] = i_a;
     guess_out[1] = i_beta;
@@ -404,6 +404,9 @@ static void start_filter(ipmsm_ickf_supervisor_lanes_t *s, ipmsm_ickf_lanes_t *f
     f->x[IPMSM_ICKF_I_BETA].of[lane] = s->guess[1].of[lane];
     f->x[IPMSM_ICKF_OMEGA].of[lane] = s->guess[2].of[lane];
     f->x[IPMSM_ICKF_THETA].of[lane] = s->guess[3].of[lane];
+    if (!(f->x[IPMSM_ICKF_THETA].of[lane] * f->x[IPMSM_ICKF_THETA].of[lane] <= INSIDE)) {
+        f->x[IPMSM_ICKF_THETA].of[lane] = wrap_angle(f->x[IPMSM_ICKF_THETA].of[lane]);
+    }
     f->LD[IPMSM_ICKF_LD_OMEGA].of[lane] = s->spread[0].of[lane];
     f->LD[IPMSM_ICKF_LD_THETA].of[lane] = s->spread[1].of[lane];
 }
@@ -518,6 +521,7 @@ static void watch(ipmsm_ickf_supervisor_lanes_t *__restrict s, const ipmsm_ickf_
         int since;
         float32 probe[2];
         int mode;
+        float32 asked[1];
         float32 guess[4];
         float32 eased[1];
         float32 phase[2];
@@ -537,37 +541,43 @@ static void watch(ipmsm_ickf_supervisor_lanes_t *__restrict s, const ipmsm_ickf_
         int hit_2;
         int miss_2;
         int hit_3;
-        float32 guess_new[4];
         int hit_4;
-        int miss_4;
+        float32 guess_new[4];
         int hit_5;
         int miss_5;
         int hit_6;
+        int miss_6;
         int hit_7;
-        int miss_7;
         int hit_8;
         int miss_8;
         int hit_9;
+        int miss_9;
         int hit_10;
-        int miss_10;
         int hit_11;
+        int miss_11;
         int hit_12;
-        int miss_12;
         int hit_13;
         int miss_13;
         int hit_14;
         int miss_14;
-        float32 turning_new[5];
         int hit_15;
+        int miss_15;
+        float32 turning_new[5];
         int hit_16;
+        int miss_16;
         int hit_17;
         int hit_18;
         int hit_19;
-        int miss_19;
+        int hit_20;
+        int hit_21;
+        int hit_22;
+        int hit_23;
+        int miss_23;
         since = s->since[lane];
         probe[0] = s->probe[0].of[lane];
         probe[1] = s->probe[1].of[lane];
         mode = s->mode[lane];
+        asked[0] = s->asked[0].of[lane];
         guess[0] = s->guess[0].of[lane];
         guess[1] = s->guess[1].of[lane];
         guess[2] = s->guess[2].of[lane];
@@ -605,72 +615,86 @@ static void watch(ipmsm_ickf_supervisor_lanes_t *__restrict s, const ipmsm_ickf_
         miss_2 = !(mode == PMSM_PROBING);
         probe[1] = (hit_2 != 0) ? probe[1] + 1.0f : probe[1];
         probe[1] = (miss_2 != 0) ? 0.0f : probe[1];
-        hit_3 = (mode == PMSM_WAITING);
+        asked[0] = reference;
+        hit_3 = (reference * reference < START_SPEED_SQUARED);
+        asked[0] = (hit_3 != 0) ? probe[0] * START_SPEED : asked[0];
+        hit_4 = (mode == PMSM_WAITING);
         turn_guess(guess, guess_new);
-        guess[0] = (hit_3 != 0) ? guess_new[0] : guess[0];
-        guess[1] = (hit_3 != 0) ? guess_new[1] : guess[1];
-        guess[2] = (hit_3 != 0) ? guess_new[2] : guess[2];
-        guess[3] = (hit_3 != 0) ? guess_new[3] : guess[3];
-        hit_4 = (mode == PMSM_CATCHING);
-        miss_4 = !(mode == PMSM_CATCHING);
-        eased[0] = (hit_4 != 0) ? EASE : eased[0];
-        hit_5 = miss_4 & (mode == PMSM_RUNNING);
-        miss_5 = miss_4 & !(mode == PMSM_RUNNING);
-        eased[0] = (hit_5 != 0) ? eased[0] + EASE : eased[0];
-        eased[0] = (miss_5 != 0) ? 1.0f : eased[0];
-        hit_6 = miss_4 & (!(eased[0] <= 1.0f));
-        eased[0] = (hit_6 != 0) ? 1.0f : eased[0];
-        hit_7 = (mode == PMSM_RESTING);
-        miss_7 = !(mode == PMSM_RESTING);
-        hit_8 = hit_7 & ((phase[0] * phase[0] <= ZERO_SQUARED) & (phase[1] * phase[1] <= ZERO_SQUARED));
-        miss_8 = hit_7 & !((phase[0] * phase[0] <= ZERO_SQUARED) & (phase[1] * phase[1] <= ZERO_SQUARED));
-        quiet += (hit_8 & (quiet < REST_SAMPLES)) ? 1 : 0;
+        guess[0] = (hit_4 != 0) ? guess_new[0] : guess[0];
+        guess[1] = (hit_4 != 0) ? guess_new[1] : guess[1];
+        guess[2] = (hit_4 != 0) ? guess_new[2] : guess[2];
+        guess[3] = (hit_4 != 0) ? guess_new[3] : guess[3];
+        hit_5 = (mode == PMSM_CATCHING);
+        miss_5 = !(mode == PMSM_CATCHING);
+        eased[0] = (hit_5 != 0) ? EASE : eased[0];
+        hit_6 = miss_5 & (mode == PMSM_RUNNING);
+        miss_6 = miss_5 & !(mode == PMSM_RUNNING);
+        eased[0] = (hit_6 != 0) ? eased[0] + EASE : eased[0];
+        eased[0] = (miss_6 != 0) ? 1.0f : eased[0];
+        hit_7 = miss_5 & (!(eased[0] <= 1.0f));
+        eased[0] = (hit_7 != 0) ? 1.0f : eased[0];
+        hit_8 = (mode == PMSM_RESTING);
+        miss_8 = !(mode == PMSM_RESTING);
+        hit_9 = hit_8 & ((phase[0] * phase[0] <= ZERO_SQUARED) & (phase[1] * phase[1] <= ZERO_SQUARED));
+        miss_9 = hit_8 & !((phase[0] * phase[0] <= ZERO_SQUARED) & (phase[1] * phase[1] <= ZERO_SQUARED));
+        quiet += (hit_9 & (quiet < REST_SAMPLES)) ? 1 : 0;
+        quiet = (miss_9 != 0) ? 0 : quiet;
         quiet = (miss_8 != 0) ? 0 : quiet;
-        quiet = (miss_7 != 0) ? 0 : quiet;
-        hit_9 = (!(mode == PMSM_FAULT));
-        acknowledged = (hit_9 != 0) ? 0 : acknowledged;
-        hit_10 = ((phase[0] * phase[0] > TRIP_SQUARED) | (phase[1] * phase[1] > TRIP_SQUARED));
-        miss_10 = !((phase[0] * phase[0] > TRIP_SQUARED) | (phase[1] * phase[1] > TRIP_SQUARED));
-        excess += (hit_10 & (excess < MAX_EXCESS)) ? 1 : 0;
-        excess = (miss_10 != 0) ? 0 : excess;
-        hit_11 = (runs == 1);
-        hit_12 = hit_11 & ((status[lane] & PMSM_INPUT_REJECTED) != 0);
-        miss_12 = hit_11 & !((status[lane] & PMSM_INPUT_REJECTED) != 0);
-        rejected += (hit_12 & (rejected < MAX_REJECTED)) ? 1 : 0;
-        rejected = (miss_12 != 0) ? 0 : rejected;
-        hit_13 = hit_11 & ((status[lane] & PMSM_DIVERGED) != 0);
-        miss_13 = hit_11 & !((status[lane] & PMSM_DIVERGED) != 0);
-        diverged += (hit_13 & (diverged < MAX_DIVERGED)) ? 1 : 0;
-        diverged = (miss_13 != 0) ? 0 : diverged;
-        hit_14 = hit_11 & ((rejected == 0) & (diverged == 0) & !((status[lane] & PMSM_RESTARTED) != 0));
-        miss_14 = hit_11 & !((rejected == 0) & (diverged == 0) & !((status[lane] & PMSM_RESTARTED) != 0));
-        content += (hit_14 & (content < LOCKED_SAMPLES)) ? 1 : 0;
-        content = (miss_14 != 0) ? 0 : content;
+        hit_10 = (!(mode == PMSM_FAULT));
+        acknowledged = (hit_10 != 0) ? 0 : acknowledged;
+        hit_11 = ((phase[0] * phase[0] > TRIP_SQUARED) | (phase[1] * phase[1] > TRIP_SQUARED));
+        miss_11 = !((phase[0] * phase[0] > TRIP_SQUARED) | (phase[1] * phase[1] > TRIP_SQUARED));
+        excess += (hit_11 & (excess < MAX_EXCESS)) ? 1 : 0;
+        excess = (miss_11 != 0) ? 0 : excess;
+        hit_12 = (runs == 1);
+        hit_13 = hit_12 & ((status[lane] & PMSM_INPUT_REJECTED) != 0);
+        miss_13 = hit_12 & !((status[lane] & PMSM_INPUT_REJECTED) != 0);
+        rejected += (hit_13 & (rejected < MAX_REJECTED)) ? 1 : 0;
+        rejected = (miss_13 != 0) ? 0 : rejected;
+        hit_14 = hit_12 & ((status[lane] & PMSM_DIVERGED) != 0);
+        miss_14 = hit_12 & !((status[lane] & PMSM_DIVERGED) != 0);
+        diverged += (hit_14 & (diverged < MAX_DIVERGED)) ? 1 : 0;
+        diverged = (miss_14 != 0) ? 0 : diverged;
+        hit_15 = hit_12 & ((rejected == 0) & (diverged == 0) & !((status[lane] & PMSM_RESTARTED) != 0));
+        miss_15 = hit_12 & !((rejected == 0) & (diverged == 0) & !((status[lane] & PMSM_RESTARTED) != 0));
+        content += (hit_15 & (content < LOCKED_SAMPLES)) ? 1 : 0;
+        content = (miss_15 != 0) ? 0 : content;
         watch_turning(x, turning, turning_new);
-        turning[0] = (hit_11 != 0) ? turning_new[0] : turning[0];
-        turning[1] = (hit_11 != 0) ? turning_new[1] : turning[1];
-        turning[2] = (hit_11 != 0) ? turning_new[2] : turning[2];
-        turning[3] = (hit_11 != 0) ? turning_new[3] : turning[3];
-        turning[4] = (hit_11 != 0) ? turning_new[4] : turning[4];
-        hit_15 = hit_11 & ((phase[0] * phase[0] > PROBE_SQUARED) | (phase[1] * phase[1] > PROBE_SQUARED));
-        silent[0] = (hit_15 != 0) ? silent[0] + turning[4] : silent[0];
-        hit_16 = hit_15 & (phase[0] * phase[0] > ZERO_SQUARED);
-        silent[0] = (hit_16 != 0) ? 0.0f : silent[0];
-        silent[1] = (hit_15 != 0) ? silent[1] + turning[4] : silent[1];
-        hit_17 = hit_15 & (phase[1] * phase[1] > ZERO_SQUARED);
-        silent[1] = (hit_17 != 0) ? 0.0f : silent[1];
-        silent[2] = (hit_15 != 0) ? silent[2] + turning[4] : silent[2];
-        hit_18 = hit_15 & ((phase[0] + phase[1]) * (phase[0] + phase[1]) > ZERO_SQUARED);
-        silent[2] = (hit_18 != 0) ? 0.0f : silent[2];
-        hit_19 = hit_11 & ((silent[0] * silent[0] >= SILENT_TURN_SQUARED) |
+        turning[0] = (hit_12 != 0) ? turning_new[0] : turning[0];
+        turning[1] = (hit_12 != 0) ? turning_new[1] : turning[1];
+        turning[2] = (hit_12 != 0) ? turning_new[2] : turning[2];
+        turning[3] = (hit_12 != 0) ? turning_new[3] : turning[3];
+        turning[4] = (hit_12 != 0) ? turning_new[4] : turning[4];
+        hit_16 = hit_12 & ((phase[0] * phase[0] > PROBE_SQUARED) | (phase[1] * phase[1] > PROBE_SQUARED));
+        miss_16 = hit_12 & !((phase[0] * phase[0] > PROBE_SQUARED) | (phase[1] * phase[1] > PROBE_SQUARED));
+        silent[0] = (hit_16 != 0) ? silent[0] + turning[4] : silent[0];
+        hit_17 = hit_16 & (phase[0] * phase[0] > ZERO_SQUARED);
+        silent[0] = (hit_17 != 0) ? 0.0f : silent[0];
+        silent[1] = (hit_16 != 0) ? silent[1] + turning[4] : silent[1];
+        hit_18 = hit_16 & (phase[1] * phase[1] > ZERO_SQUARED);
+        silent[1] = (hit_18 != 0) ? 0.0f : silent[1];
+        silent[2] = (hit_16 != 0) ? silent[2] + turning[4] : silent[2];
+        hit_19 = hit_16 & ((phase[0] + phase[1]) * (phase[0] + phase[1]) > ZERO_SQUARED);
+        silent[2] = (hit_19 != 0) ? 0.0f : silent[2];
+        silent[0] = (miss_16 != 0) ? silent[0] - 0.25f * turning[4] : silent[0];
+        hit_20 = miss_16 & (silent[0] * turning[4] < 0.0f);
+        silent[0] = (hit_20 != 0) ? 0.0f : silent[0];
+        silent[1] = (miss_16 != 0) ? silent[1] - 0.25f * turning[4] : silent[1];
+        hit_21 = miss_16 & (silent[1] * turning[4] < 0.0f);
+        silent[1] = (hit_21 != 0) ? 0.0f : silent[1];
+        silent[2] = (miss_16 != 0) ? silent[2] - 0.25f * turning[4] : silent[2];
+        hit_22 = miss_16 & (silent[2] * turning[4] < 0.0f);
+        silent[2] = (hit_22 != 0) ? 0.0f : silent[2];
+        hit_23 = hit_12 & ((silent[0] * silent[0] >= SILENT_TURN_SQUARED) |
             (silent[1] * silent[1] >= SILENT_TURN_SQUARED) | (silent[2] * silent[2] >= SILENT_TURN_SQUARED));
-        miss_19 = hit_11 & !((silent[0] * silent[0] >= SILENT_TURN_SQUARED) |
+        miss_23 = hit_12 & !((silent[0] * silent[0] >= SILENT_TURN_SQUARED) |
             (silent[1] * silent[1] >= SILENT_TURN_SQUARED) | (silent[2] * silent[2] >= SILENT_TURN_SQUARED));
-        open += (hit_19 & (open < MAX_OPEN)) ? 1 : 0;
-        open = (miss_19 != 0) ? 0 : open;
+        open += (hit_23 & (open < MAX_OPEN)) ? 1 : 0;
+        open = (miss_23 != 0) ? 0 : open;
         s->since[lane] = since;
         s->probe[0].of[lane] = probe[0];
         s->probe[1].of[lane] = probe[1];
+        s->asked[0].of[lane] = asked[0];
         s->guess[0].of[lane] = guess[0];
         s->guess[1].of[lane] = guess[1];
         s->guess[2].of[lane] = guess[2];
@@ -713,7 +737,7 @@ static int ask(const ipmsm_ickf_supervisor_lanes_t *__restrict s, const ipmsm_ic
         of_0 = (s->quiet[lane] >= REST_SAMPLES) ? 2 : of_0;
         of_0 = (s->failures[lane] >= MAX_FAILURES) ? 1 : of_0;
         next = (s->mode[lane] == PMSM_RESTING) ? of_0 : next;
-        of_1 = (s->since[lane] >= PROBE_SAMPLES) ? 7 : of_1;
+        of_1 = ((s->since[lane] >= PROBE_SAMPLES) & (reference * reference > STILL_SQUARED)) ? 7 : of_1;
         of_1 = (!((currents[0].of[lane] * currents[0].of[lane] <= PROBE_SQUARED) &
             (currents[1].of[lane] * currents[1].of[lane] <= PROBE_SQUARED))) ? 6 : of_1;
         of_1 = (!((currents[0].of[lane] * currents[0].of[lane] <= PROBE_SQUARED) &
@@ -813,7 +837,7 @@ static void carry_out(ipmsm_ickf_supervisor_lanes_t *s, ipmsm_ickf_lanes_t *f, c
         go(s, PMSM_WAITING, lane);
         break;
     case 7:
-        /* PROBING: no current came: the rotor stands */
+        /* PROBING: no current came: the rotor stands, and the reference asks for motion */
         guess_rest(s, f, lane);
         place(s, currents, lane);
         start_filter(s, f, lane);
@@ -1111,7 +1135,8 @@ static void inject(const lanes *__restrict rotor, const lanes *__restrict duty, 
         const float32 room = v_link * larger(smaller(smaller(duty_a, smaller(duty_b, duty_c)), 1.0f -
             larger(duty_a, larger(duty_b, duty_c))), 0.0f);
         const float32 size = sign * smaller(amplitude * left, room);
-        const pmsm_pair sincos_theta = sin_cos(theta);
+        const float32 theta_wrapped = wrap_angle(theta);
+        const pmsm_pair sincos_theta = sin_cos(theta_wrapped);
         const float32 sin_theta = sincos_theta.sine;
         const float32 cos_theta = sincos_theta.cosine;
         const float32 added_alpha = cos_theta * size;
@@ -1198,6 +1223,19 @@ static void limit_current(ipmsm_ickf_foc_lanes_t *__restrict c, const ipmsm_ickf
     }
 }
 
+/* The speed to go for: the reference, or what a start goes for at least. */
+static void ask_speed(const ipmsm_ickf_supervisor_lanes_t *__restrict s, const lanes *__restrict command,
+    lanes *__restrict asked)
+{
+    int lane;
+    for (lane = 0; lane < LANES; lane++) {
+        const float32 reference = command[0].of[lane];
+        const float32 start = s->asked[0].of[lane];
+        asked[0].of[lane] = (s->rivals[lane] != 0) ? start : reference;
+        asked[1].of[lane] = command[1].of[lane];
+    }
+}
+
 /* Filters, rivals and controllers in the lanes in which they run. */
 static void run(ipmsm_ickf_drive_lanes_t *d, const lanes *phase, const lanes *command, lanes *duty, int running)
 {
@@ -1205,15 +1243,17 @@ static void run(ipmsm_ickf_drive_lanes_t *d, const lanes *phase, const lanes *co
     const lanes max_current = d->control.gain[MAX_CURRENT];
     lanes rotor[1];
     lanes share[1];
+    lanes asked[2];
     int lane;
     if (running < LANES) {
         kept = d->control;
     }
     run_rivals(d, phase);
+    ask_speed(&d->supervisor, command, asked);
     rotor[0] = d->control.filter.x[IPMSM_ICKF_OMEGA];
-    allow(command, rotor, share);
+    allow(asked, rotor, share);
     limit_current(&d->control, &d->supervisor, share);
-    ipmsm_ickf_foc_lanes_step(&d->control, phase, command, duty);
+    ipmsm_ickf_foc_lanes_step(&d->control, phase, asked, duty);
     d->control.gain[MAX_CURRENT] = max_current;
     if (running < LANES) {
         for (lane = 0; lane < LANES; lane++) {
@@ -1467,6 +1507,9 @@ static void put_supervisor(ipmsm_ickf_supervisor_lanes_t *all, int lane, const i
     all->side[lane] = own->side;
     all->windows[lane] = own->windows;
     all->good[lane] = own->good;
+    for (k = 0; k < 1; k++) {
+        all->asked[k].of[lane] = own->asked[k];
+    }
 }
 
 static void get_supervisor(const ipmsm_ickf_supervisor_lanes_t *all, int lane, ipmsm_ickf_supervisor_t *own)
@@ -1519,6 +1562,9 @@ static void get_supervisor(const ipmsm_ickf_supervisor_lanes_t *all, int lane, i
     own->side = all->side[lane];
     own->windows = all->windows[lane];
     own->good = all->good[lane];
+    for (k = 0; k < 1; k++) {
+        own->asked[k] = all->asked[k].of[lane];
+    }
 }
 
 void ipmsm_ickf_drive_lanes_load(ipmsm_ickf_drive_lanes_t *d, int lane, const ipmsm_ickf_drive_t *drive)

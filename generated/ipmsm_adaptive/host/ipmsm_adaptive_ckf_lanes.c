@@ -52,25 +52,22 @@
 #define ROUND 1.2582912e+07f
 /* The largest number below pi: wrapped angles stay in [-pi, pi). */
 #define BELOW_PI 3.1415925f
+/* Just below pi^2: an angle whose square is no larger is wrapped already. */
+#define INSIDE 9.8696f
 
 /* Sine and cosine as arithmetic: no branch, the same bits on every IEEE machine.
- * Error for |x| <= 1000 rad: proved 4.5e-07, worst of 200002 arguments 1.2e-07. */
-#define ROUND_EVEN 2.5165824e+07f /* adding and subtracting it rounds to the nearest even integer */
+ * Error for |x| <= pi, as wrap_angle leaves it: proved 8.0e-07, worst of 500002 arguments 3.8e-07. */
 INLINE pmsm_pair sin_cos(float32 x)
 {
     pmsm_pair result;
-    /* --- x = k pi + r with |r| <= pi / 2, pi in two parts */
-    const float32 k = x * 0.31830987f + ROUND - ROUND;
-    const float32 r = x - k * 3.1416016f - k * -8.90891e-06f;
-    /* --- the sign is -1 for odd k */
-    const float32 odd = k - (k + ROUND_EVEN - ROUND_EVEN);
-    const float32 sign = 1.0f - 2.0f * (odd * odd);
-    /* --- minimax polynomials in z = r^2 */
-    const float32 z = r * r;
-    result.sine = sign * (r + r * z * (((2.5999034e-06f * z + -0.00019806548f) * z + 0.008333016f) * z +
-        -0.16666657f));
-    result.cosine = sign * (1.0f - 0.5f * z + z * z * (((-2.6192484e-07f * z + 2.476924e-05f) * z +
-        -0.0013888568f) * z + 0.041666657f));
+    /* --- s = 2 sin(x / 2), c = cos(x / 2), minimax polynomials in z = x^2 */
+    const float32 z = x * x;
+    const float32 s = x * ((((1.0156464e-08f * z + -3.0947836e-06f) * z + 0.00052081357f) * z +
+        -0.04166664f) * z + 1.0f);
+    const float32 c = (((9.060307e-08f * z + -2.1649887e-05f) * z + 0.0026039993f) * z + -0.12499983f) * z +
+        1.0f;
+    result.sine = s * c;
+    result.cosine = 2.0f * (c * c) - 1.0f;
     return result;
 }
 
@@ -95,7 +92,7 @@ INLINE float32 wrap_angle(float32 x)
     /* --- r = x - 2 pi turns, kept inside, where x is not inside itself */
     const float32 turns = x * 0.15915494f + ROUND - ROUND;
     const float32 r = x - turns * 6.283203f - turns * -1.781782e-05f;
-    return (larger(x, -x) <= 3.14159f) ? x : larger(smaller(r, BELOW_PI), -3.1415925f);
+    return (x * x <= INSIDE) ? x : larger(smaller(r, BELOW_PI), -3.1415925f);
 }
 #define ANGLE_COLUMNS 1 /* of L, in which theta has a part: up to its own */
 #define ANGLE_ROW 0 /* of LD: what belongs to theta */
@@ -103,7 +100,7 @@ INLINE float32 wrap_angle(float32 x)
 
 /* How far a column of L turns an angle, from z = d^2 / 7: sin(d) / d = 1 + SINC_1 z + ..., cos(d) - 1 = COSM1_1 z + ...
  * for d up to 0.71 rad; WIDE_ ones for d up to pi.
- * Error proved: sinc 1.1e-06, cosm1 4.5e-07 of d^2 / 2; wide 5.7e-07, 1.1e-06. */
+ * Error proved: sinc 1.0e-06, cosm1 4.5e-07 of d^2 / 2; wide 5.1e-07, 1.1e-06. */
 #define SINC_1 -1.1665187f
 #define SINC_2 0.40161937f
 #define COSM1_1 -3.4999993f
@@ -202,10 +199,19 @@ static void take(lanes *__restrict target, const lanes *__restrict source, const
     }
 }
 
-/* 1 if value is a number within +-limit; NaN and infinity are not. By squares, as in the scalar form. */
+/* What stands in the order of the sizes of numbers: their bits without the sign. Infinity is above every number, NaN above
+ * infinity. */
+INLINE Uint32 size_of(float32 value)
+{
+    pmsm_word word;
+    word.value = value;
+    return word.bits << 1;
+}
+
+/* 1 if value is a number within +-limit; NaN and infinity are not. */
 INLINE int within(float32 value, float32 limit)
 {
-    return (value * value <= limit * limit) ? 1 : 0;
+    return (size_of(value) <= size_of(limit)) ? 1 : 0;
 }
 
 /* Input guard: holds good voltages, marks the lanes whose input is rejected and says whether there is any. */
@@ -323,7 +329,8 @@ static void time_update(const lanes *__restrict x, const lanes *__restrict LD, c
         const float32 odd_omega_e_0 = POLE_PAIRS * L_10;
         const float32 theta_mid = HALF_T * omega_e + theta;
         const float32 odd_theta_mid_0 = 1.0f + HALF_T * odd_omega_e_0;
-        const pmsm_pair sincos_theta_mid = sin_cos(theta_mid);
+        const float32 theta_mid_wrapped = wrap_angle(theta_mid);
+        const pmsm_pair sincos_theta_mid = sin_cos(theta_mid_wrapped);
         const float32 sin_theta_mid = sincos_theta_mid.sine;
         const float32 cos_theta_mid = sincos_theta_mid.cosine;
         const float32 psi_d_mid = cos_theta_mid * psi_alpha + sin_theta_mid * psi_beta;
@@ -375,17 +382,16 @@ static void time_update(const lanes *__restrict x, const lanes *__restrict LD, c
         const float32 psi_q_between = 0.5f * (psi_q_mid + psi_q_next);
         const float32 even_psi_q_between_0 = 0.5f * (even_psi_q_mid_0 + even_psi_q_next_0);
         const float32 odd_psi_q_between_0 = 0.5f * (odd_psi_q_mid_0 + odd_psi_q_next_0);
-        const float32 part_of_even_torque_0 = magnet_flux * GAIN_TORQUE_INV_L_D -
-            psi_d_between * GAIN_TORQUE_SALIENCY;
-        const float32 part_of_even_torque_0_2 = GAIN_TORQUE_SALIENCY_BY2 * (even_psi_d_mid_0 + even_psi_d_next_0);
+        const float32 part_of_omega_pred = magnet_flux * GAIN_TORQUE_INV_L_D -
+            GAIN_TORQUE_SALIENCY * psi_d_between;
+        const float32 part_of_even_torque_0 = GAIN_TORQUE_SALIENCY_BY2 * (even_psi_d_mid_0 + even_psi_d_next_0);
         const float32 total_psi_q_between_0 = psi_q_between + even_psi_q_between_0;
-        const float32 part_of_even_torque_0_3 = L_30 * GAIN_TORQUE_INV_L_D -
+        const float32 part_of_even_torque_0_2 = L_30 * GAIN_TORQUE_INV_L_D -
             GAIN_TORQUE_SALIENCY_BY2 * (odd_psi_d_mid_0 + odd_psi_d_next_0);
-        const float32 even_torque_0 = part_of_even_torque_0 * even_psi_q_between_0 -
-            part_of_even_torque_0_2 * total_psi_q_between_0 +
-            n_D_0 * part_of_even_torque_0_3 * odd_psi_q_between_0;
-        const float32 odd_torque_0 = odd_psi_q_between_0 * (part_of_even_torque_0 - part_of_even_torque_0_2) +
-            total_psi_q_between_0 * part_of_even_torque_0_3;
+        const float32 even_torque_0 = part_of_omega_pred * even_psi_q_between_0 -
+            part_of_even_torque_0 * total_psi_q_between_0 + n_D_0 * part_of_even_torque_0_2 * odd_psi_q_between_0;
+        const float32 odd_torque_0 = odd_psi_q_between_0 * (part_of_omega_pred - part_of_even_torque_0) +
+            total_psi_q_between_0 * part_of_even_torque_0_2;
         const float32 n_D_1 = 7.0f * D_omega;
         const float32 sind_theta_mid_1 = HALF_T_POLE_PAIRS * sinc_theta_mid_1;
         const float32 n_D_sind_theta_mid_1 = n_D_1 * sind_theta_mid_1;
@@ -420,9 +426,9 @@ static void time_update(const lanes *__restrict x, const lanes *__restrict LD, c
         const float32 total_psi_q_between_1 = psi_q_between + even_psi_q_between_1;
         const float32 part_of_even_torque_1_2 = L_31 * GAIN_TORQUE_INV_L_D -
             GAIN_TORQUE_SALIENCY_BY2 * (odd_psi_d_mid_1 + odd_psi_d_next_1);
-        const float32 even_torque_1 = part_of_even_torque_0 * even_psi_q_between_1 -
+        const float32 even_torque_1 = part_of_omega_pred * even_psi_q_between_1 -
             part_of_even_torque_1 * total_psi_q_between_1 + n_D_1 * part_of_even_torque_1_2 * odd_psi_q_between_1;
-        const float32 odd_torque_1 = odd_psi_q_between_1 * (part_of_even_torque_0 - part_of_even_torque_1) +
+        const float32 odd_torque_1 = odd_psi_q_between_1 * (part_of_omega_pred - part_of_even_torque_1) +
             total_psi_q_between_1 * part_of_even_torque_1_2;
         const float32 odd_psi_d_mid_2 = cos_theta_mid * L_42 + sin_theta_mid * L_52;
         const float32 odd_psi_q_mid_2 = cos_theta_mid * L_52 - sin_theta_mid * L_42;
@@ -441,10 +447,8 @@ static void time_update(const lanes *__restrict x, const lanes *__restrict LD, c
         const float32 part_of_even_torque_2 = L_32 * GAIN_TORQUE_INV_L_D -
             GAIN_TORQUE_SALIENCY_BY2 * (odd_psi_d_mid_2 + odd_psi_d_next_2);
         const float32 even_torque_2 = minus_even_psi_d_next_2_scaled * total_psi_q_between_2 -
-            part_of_even_torque_0 * minus_even_psi_q_between_2 +
-            n_D_2 * part_of_even_torque_2 * odd_psi_q_between_2;
-        const float32 odd_torque_2 =
-            odd_psi_q_between_2 * (part_of_even_torque_0 + minus_even_psi_d_next_2_scaled) +
+            part_of_omega_pred * minus_even_psi_q_between_2 + n_D_2 * part_of_even_torque_2 * odd_psi_q_between_2;
+        const float32 odd_torque_2 = odd_psi_q_between_2 * (part_of_omega_pred + minus_even_psi_d_next_2_scaled) +
             total_psi_q_between_2 * part_of_even_torque_2;
         const float32 odd_psi_d_mid_3 = cos_theta_mid * L_43 + sin_theta_mid * L_53;
         const float32 odd_psi_q_mid_3 = cos_theta_mid * L_53 - sin_theta_mid * L_43;
@@ -454,7 +458,7 @@ static void time_update(const lanes *__restrict x, const lanes *__restrict LD, c
         const float32 odd_psi_q_between_3 = 0.5f * (odd_psi_q_mid_3 + odd_psi_q_next_3);
         const float32 part_of_curv_omega_3 = GAIN_TORQUE_INV_L_D -
             GAIN_TORQUE_SALIENCY_BY2 * (odd_psi_d_mid_3 + odd_psi_d_next_3);
-        const float32 odd_torque_3 = part_of_even_torque_0 * odd_psi_q_between_3 +
+        const float32 odd_torque_3 = part_of_omega_pred * odd_psi_q_between_3 +
             psi_q_between * part_of_curv_omega_3;
         const float32 odd_psi_d_mid_4 = cos_theta_mid + sin_theta_mid * L_54;
         const float32 odd_psi_q_mid_4 = cos_theta_mid * L_54 - sin_theta_mid;
@@ -463,13 +467,13 @@ static void time_update(const lanes *__restrict x, const lanes *__restrict LD, c
         const float32 odd_psi_q_between_4 = 0.5f * (odd_psi_q_mid_4 + odd_psi_q_next_4);
         const float32 odd_psi_d_mid_plus_next_4 = odd_psi_d_mid_4 + odd_psi_d_next_4;
         const float32 psi_q_between_scaled = psi_q_between * GAIN_TORQUE_SALIENCY_BY2;
-        const float32 odd_torque_4 = part_of_even_torque_0 * odd_psi_q_between_4 -
+        const float32 odd_torque_4 = part_of_omega_pred * odd_psi_q_between_4 -
             odd_psi_d_mid_plus_next_4 * psi_q_between_scaled;
         const float32 odd_psi_d_next_5 = sin_theta_mid * part_of_even_psi_d_next_0;
         const float32 odd_psi_q_next_5 = cos_theta_mid * part_of_odd_psi_q_next_0;
         const float32 odd_psi_q_between_5 = 0.5f * (cos_theta_mid + odd_psi_q_next_5);
         const float32 part_of_curv_omega_sum = sin_theta_mid + odd_psi_d_next_5;
-        const float32 odd_torque_5 = part_of_even_torque_0 * odd_psi_q_between_5 -
+        const float32 odd_torque_5 = part_of_omega_pred * odd_psi_q_between_5 -
             part_of_curv_omega_sum * psi_q_between_scaled;
         const float32 total_psi_d_next_0 = psi_d_next + even_psi_d_next_0;
         const float32 even_psi_alpha_next_0 = even_psi_d_next_0 + cosm1_theta_mid_0 * total_psi_d_next_0 -
@@ -721,8 +725,8 @@ static void time_update(const lanes *__restrict x, const lanes *__restrict LD, c
         const float32 psi_beta_mean = psi_q_next + curv_psi_beta_mean;
         const float32 psi_alpha_pred = cos_theta_mid * psi_alpha_mean - sin_theta_mid * psi_beta_mean;
         const float32 psi_beta_pred = sin_theta_mid * psi_alpha_mean + cos_theta_mid * psi_beta_mean;
-        const float32 omega_of_x = (magnet_flux * GAIN_TORQUE_INV_L_D -
-            GAIN_TORQUE_SALIENCY * psi_d_between) * GAIN_OMEGA * psi_q_between - GAIN_OMEGA * load_torque + omega;
+        const float32 omega_of_x = part_of_omega_pred * GAIN_OMEGA * psi_q_between - GAIN_OMEGA * load_torque +
+            omega;
         const float32 omega_pred = omega_of_x + offset_omega;
         const float32 theta_pred = theta_mid + omega_of_x * HALF_T_POLE_PAIRS + offset_theta;
         const float32 magnet_flux_pred = magnet_flux * ONE_MINUS_RETURN + OWN_MAGNET_FLUX_RETURN;
@@ -844,7 +848,8 @@ static void ckf_measurement_update(const lanes *__restrict x_pred, const lanes *
         const float32 cosm1_theta_0 = turn_pred[1].of[lane];
 
         /* --- eq. 20: along column c the image is base + even_c +- s_c odd_c, s_c^2 = n D_c */
-        const pmsm_pair sincos_theta_pred = sin_cos(theta_pred);
+        const float32 theta_pred_wrapped = wrap_angle(theta_pred);
+        const pmsm_pair sincos_theta_pred = sin_cos(theta_pred_wrapped);
         const float32 sin_theta_pred = sincos_theta_pred.sine;
         const float32 cos_theta_pred = sincos_theta_pred.cosine;
         const float32 psi_d_pred = cos_theta_pred * psi_alpha_pred + sin_theta_pred * psi_beta_pred;
@@ -894,7 +899,7 @@ static void ckf_measurement_update(const lanes *__restrict x_pred, const lanes *
         const float32 noise_10 = cos_theta_pred * sin_theta_pred * (R_1 - R_0) +
             curv_y_i_beta_mean * even_y_i_alpha_0 * ONE_MINUS_PAIR_WEIGHT;
 
-        /* --- eq. 25: y - y_pred, in the rotor's frame; theta wrapped, adaptive states within their tolerance */
+        /* --- eq. 25: y - y_pred, in the rotor's frame; adaptive states within their tolerance */
         const float32 innovation_i_alpha = cos_theta_pred * i_alpha_meas + sin_theta_pred * i_beta_meas -
             INV_L_Q * psi_d_pred - i_salient_pred - curv_y_i_alpha_mean;
         const float32 innovation_i_beta = cos_theta_pred * i_beta_meas - sin_theta_pred * i_alpha_meas -
@@ -902,18 +907,18 @@ static void ckf_measurement_update(const lanes *__restrict x_pred, const lanes *
         const float32 noise_10_per_noise_00 = noise_10 / noise_00;
         const float32 HL_05 = INV_L_Q_PLUS_SALIENCY * sin_theta_pred;
         const float32 g_first_5 = HL_05 * D_pred_psi_beta;
-        const float32 var_first_5 = larger(noise_00 + HL_05 * g_first_5, noise_00);
+        const float32 var_first_5 = noise_00 + HL_05 * g_first_5;
         const float32 HL_04 = INV_L_Q_PLUS_SALIENCY * odd_psi_d_pred_4;
         const float32 g_first_4 = D_pred_psi_alpha * HL_04;
-        const float32 var_first_4 = larger(var_first_5 + HL_04 * g_first_4, noise_00);
+        const float32 var_first_4 = var_first_5 + HL_04 * g_first_4;
         const float32 g_first_3 = D_pred_magnet_flux * odd_y_i_alpha_3;
-        const float32 var_first_3 = larger(var_first_4 + odd_y_i_alpha_3 * g_first_3, noise_00);
+        const float32 var_first_3 = var_first_4 + odd_y_i_alpha_3 * g_first_3;
         const float32 g_first_2 = D_pred_stator_resistance * odd_y_i_alpha_2;
-        const float32 var_first_2 = larger(var_first_3 + odd_y_i_alpha_2 * g_first_2, noise_00);
+        const float32 var_first_2 = var_first_3 + odd_y_i_alpha_2 * g_first_2;
         const float32 g_first_1 = D_pred_omega * odd_y_i_alpha_1;
-        const float32 var_first_1 = larger(var_first_2 + odd_y_i_alpha_1 * g_first_1, noise_00);
+        const float32 var_first_1 = var_first_2 + odd_y_i_alpha_1 * g_first_1;
         const float32 g_first_0 = D_pred_theta * odd_y_i_alpha_0;
-        const float32 var_first = larger(var_first_1 + odd_y_i_alpha_0 * g_first_0, noise_00);
+        const float32 var_first = var_first_1 + odd_y_i_alpha_0 * g_first_0;
         const float32 one_per_var_first = 1.0f / var_first;
         const float32 nu_by_var_first = innovation_i_alpha * one_per_var_first;
         const float32 HL_15_apart = odd_y_i_beta_5 - HL_05 * noise_10_per_noise_00;
@@ -933,37 +938,37 @@ static void ckf_measurement_update(const lanes *__restrict x_pred, const lanes *
         const float32 D_pred_psi_beta_per_var_first_5 = D_pred_psi_beta / var_first_5;
         const float32 D_first_5 = noise_00 * D_pred_psi_beta_per_var_first_5;
         const float32 g_second_5 = HL_15_apart * D_first_5;
-        const float32 var_second_5 = larger(R_second + HL_15_apart * g_second_5, R_second);
+        const float32 var_second_5 = R_second + HL_15_apart * g_second_5;
         const float32 change_first_54 =
             INV_L_Q_PLUS_SALIENCY_SQ * sin_theta_pred * odd_psi_d_pred_4 * D_pred_psi_beta_per_var_first_5;
         const float32 f_second_4 = HL_14_apart - HL_15_apart * change_first_54;
         const float32 one_per_var_first_4 = 1.0f / var_first_4;
         const float32 D_first_4 = var_first_5 * (D_pred_psi_alpha * one_per_var_first_4);
         const float32 g_second_4 = D_first_4 * f_second_4;
-        const float32 var_second_4 = larger(var_second_5 + f_second_4 * g_second_4, R_second);
+        const float32 var_second_4 = var_second_5 + f_second_4 * g_second_4;
         const float32 lambda_first_3 = odd_y_i_alpha_3 * one_per_var_first_4;
         const float32 f_second_3 = HL_13_apart - lambda_first_3 * gain_first_y4;
         const float32 one_per_var_first_3 = 1.0f / var_first_3;
         const float32 D_first_3 = var_first_4 * (D_pred_magnet_flux * one_per_var_first_3);
         const float32 g_second_3 = D_first_3 * f_second_3;
-        const float32 var_second_3 = larger(var_second_4 + f_second_3 * g_second_3, R_second);
+        const float32 var_second_3 = var_second_4 + f_second_3 * g_second_3;
         const float32 lambda_first_2 = odd_y_i_alpha_2 * one_per_var_first_3;
         const float32 f_second_2 = HL_12_apart - lambda_first_2 * gain_first_y3;
         const float32 one_per_var_first_2 = 1.0f / var_first_2;
         const float32 D_first_2 = var_first_3 * (D_pred_stator_resistance * one_per_var_first_2);
         const float32 g_second_2 = D_first_2 * f_second_2;
-        const float32 var_second_2 = larger(var_second_3 + f_second_2 * g_second_2, R_second);
+        const float32 var_second_2 = var_second_3 + f_second_2 * g_second_2;
         const float32 lambda_first_1 = odd_y_i_alpha_1 * one_per_var_first_2;
         const float32 f_second_1 = HL_11_apart - lambda_first_1 * gain_first_y2;
         const float32 one_per_var_first_1 = 1.0f / var_first_1;
         const float32 D_first_1 = var_first_2 * (D_pred_omega * one_per_var_first_1);
         const float32 g_second_1 = D_first_1 * f_second_1;
-        const float32 var_second_1 = larger(var_second_2 + f_second_1 * g_second_1, R_second);
+        const float32 var_second_1 = var_second_2 + f_second_1 * g_second_1;
         const float32 lambda_first_0 = odd_y_i_alpha_0 * one_per_var_first_1;
         const float32 f_second_0 = HL_10_apart - lambda_first_0 * gain_first_y1;
         const float32 D_first_0 = var_first_1 * (D_pred_theta * one_per_var_first);
         const float32 g_second_0 = D_first_0 * f_second_0;
-        const float32 var_second = larger(var_second_1 + f_second_0 * g_second_0, R_second);
+        const float32 var_second = var_second_1 + f_second_0 * g_second_0;
         const float32 gain_first_43 = g_first_4 + L_pred_43 * g_first_3;
         const float32 gain_first_42 = gain_first_43 + L_pred_42 * g_first_2;
         const float32 gain_first_41 = gain_first_42 + L_pred_41 * g_first_1;
@@ -996,8 +1001,7 @@ static void ckf_measurement_update(const lanes *__restrict x_pred, const lanes *
         const float32 L_first_10 = L_pred_10 - g_first_1 * lambda_first_0;
         const float32 omega_new = nu_by_var_first * (g_first_1 + g_first_0 * L_pred_10) +
             nu_by_var_second * (g_second_1 + g_second_0 * L_first_10) + omega_pred;
-        const float32 theta_new = wrap_angle(g_first_0 * nu_by_var_first + g_second_0 * nu_by_var_second +
-            theta_pred);
+        const float32 theta_new = g_first_0 * nu_by_var_first + g_second_0 * nu_by_var_second + theta_pred;
         const float32 gain_first_64 = g_first_5 * L_pred_65 + g_first_4 * L_pred_64;
         const float32 gain_first_63 = gain_first_64 + g_first_3 * L_pred_63;
         const float32 gain_first_62 = gain_first_63 + g_first_2 * L_pred_62;
@@ -1156,7 +1160,7 @@ static void coast(const lanes *__restrict x_pred, const lanes *__restrict LD_pre
         x_out[0].of[lane] = psi_alpha_pred;
         x_out[1].of[lane] = psi_beta_pred;
         x_out[2].of[lane] = omega_pred;
-        x_out[3].of[lane] = wrap_angle(theta_pred);
+        x_out[3].of[lane] = theta_pred;
         x_out[4].of[lane] = load_torque_pred;
         x_out[5].of[lane] = larger(LEAST_MAGNET_FLUX, smaller(MOST_MAGNET_FLUX, magnet_flux_pred));
         x_out[6].of[lane] = larger(LEAST_STATOR_RESISTANCE,
@@ -1247,7 +1251,7 @@ static void set_status_bits(ipmsm_adaptive_ckf_lanes_t *__restrict f, float32 ch
     }
 }
 
-/* The sum of pivots, mean and states is no number if one of them is none. */
+/* The sum of pivots, mean and states is no number if one of them is none; theta, wrapped, is always one. */
 static void finish_step(ipmsm_adaptive_ckf_lanes_t *__restrict f, const lanes *__restrict nis,
     lanes *__restrict check, const int *__restrict rejected)
 {
@@ -1262,12 +1266,12 @@ static void finish_step(ipmsm_adaptive_ckf_lanes_t *__restrict f, const lanes *_
     }
     for (lane = 0; lane < LANES; lane++) {
         check[0].of[lane] = check[0].of[lane] + f->nis[0].of[lane] + f->x[0].of[lane] + f->x[1].of[lane] +
-            f->x[2].of[lane] + f->x[3].of[lane] + f->x[4].of[lane] + f->x[5].of[lane] + f->x[6].of[lane];
+            f->x[2].of[lane] + f->x[4].of[lane] + f->x[5].of[lane] + f->x[6].of[lane];
     }
     for (lane = 0; lane < LANES; lane++) {
-        const int unusual_0 = ((f->status[lane] & PMSM_COVARIANCE_REPAIRED) != 0) ? 1 : 0;
-        const int unusual_1 = (check[0].of[lane] * check[0].of[lane] <= SANE_LIMIT * SANE_LIMIT) ? 0 : 1;
-        const int unusual_2 = (f->nis[0].of[lane] < f->nis_max[0].of[lane]) ? 0 : 1;
+        const int unusual_0 = (check[0].of[lane] * check[0].of[lane] <= SANE_LIMIT * SANE_LIMIT) ? 0 : 1;
+        const int unusual_1 = (f->nis[0].of[lane] < f->nis_max[0].of[lane]) ? 0 : 1;
+        const int unusual_2 = ((f->status[lane] & PMSM_COVARIANCE_REPAIRED) != 0) ? 1 : 0;
         special[lane] = unusual_0 | unusual_1 | unusual_2;
         any |= special[lane];
     }
@@ -1277,6 +1281,15 @@ static void finish_step(ipmsm_adaptive_ckf_lanes_t *__restrict f, const lanes *_
                 set_status_bits(f, check[0].of[lane], lane);
             }
         }
+    }
+}
+
+/* The angle back within a turn. */
+static void keep_within_turn(ipmsm_adaptive_ckf_lanes_t *__restrict f)
+{
+    int lane;
+    for (lane = 0; lane < LANES; lane++) {
+        f->x[3].of[lane] = wrap_angle(f->x[3].of[lane]);
     }
 }
 
@@ -1310,4 +1323,5 @@ void ipmsm_adaptive_ckf_lanes_step(ipmsm_adaptive_ckf_lanes_t *f, const lanes u[
         take(f->LD, other_LD, rejected, 28);
     }
     finish_step(f, nis, check, rejected);
+    keep_within_turn(f);
 }

@@ -41,6 +41,7 @@ typedef struct {
     int side[LANES];
     int windows[LANES];
     int good[LANES];
+    lanes asked[1];
     ipmsm_adaptive_ickf_lanes_t rival;
     int taken[LANES]; /* what ipmsm_adaptive_ickf_supervise returns */
 } ipmsm_adaptive_ickf_supervisor_lanes_t;

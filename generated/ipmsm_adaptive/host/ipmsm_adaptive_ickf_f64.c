@@ -55,6 +55,8 @@
 #define ROUND 6755399441055744.0
 /* The largest number below pi: wrapped angles stay in [-pi, pi). */
 #define BELOW_PI 3.1415926535897927
+/* Just below pi^2: an angle whose square is no larger is wrapped already. */
+#define INSIDE 9.8696
 
 typedef struct {
     float64 sine;
@@ -174,7 +176,7 @@ static float64 wrap_angle(float64 x)
     /* --- r = x - 2 pi turns, kept inside, where x is not inside itself */
     const float64 turns = x * 0.15915494309189535 + ROUND - ROUND;
     const float64 r = x - turns * 6.2831853069365025 - turns * 2.430840202602477e-10;
-    return (larger(x, -x) <= 3.14159) ? x : larger(smaller(r, BELOW_PI), -3.1415926535897927);
+    return (x * x <= INSIDE) ? x : larger(smaller(r, BELOW_PI), -3.1415926535897927);
 }
 
 static void copy(float64 *target, const float64 *source, int count)
@@ -185,8 +187,8 @@ static void copy(float64 *target, const float64 *source, int count)
     }
 }
 
-/* Both values are numbers within +-limit; NaN and infinity are not. Rounded squares stand in the order of the values
- * for limits of 1e-18 .. 1e18, so that one comparison says both sides. */
+/* Both values are numbers within +-limit; NaN and infinity are not. Rounded squares stand in the order of the values,
+ * so that one comparison says both sides. */
 static int within(const float64 value[2], float64 limit)
 {
     const float64 most = limit * limit;
@@ -237,7 +239,8 @@ static void time_update(const float64 x[7], const float64 LD[28], const float64 
     const float64 theta = x[3];
     const float64 theta_mid = HALF_T * omega_e + theta;
     const float64 odd_theta_mid_0 = 1.0 + HALF_T * odd_omega_e_0;
-    const pmsm_pair_f64 sincos_theta_mid = sin_cos(theta_mid);
+    const float64 theta_mid_wrapped = wrap_angle(theta_mid);
+    const pmsm_pair_f64 sincos_theta_mid = sin_cos(theta_mid_wrapped);
     const float64 sin_theta_mid = sincos_theta_mid.sine;
     const float64 cos_theta_mid = sincos_theta_mid.cosine;
     const float64 psi_alpha = x[0];
@@ -302,17 +305,16 @@ static void time_update(const float64 x[7], const float64 LD[28], const float64 
     const float64 psi_q_between = 0.5 * (psi_q_mid + psi_q_next);
     const float64 even_psi_q_between_0 = 0.5 * (even_psi_q_mid_0 + even_psi_q_next_0);
     const float64 odd_psi_q_between_0 = 0.5 * (odd_psi_q_mid_0 + odd_psi_q_next_0);
-    const float64 part_of_even_torque_0 = magnet_flux * GAIN_TORQUE_INV_L_D -
-        psi_d_between * GAIN_TORQUE_SALIENCY;
-    const float64 part_of_even_torque_0_2 = GAIN_TORQUE_SALIENCY_BY2 * (even_psi_d_mid_0 + even_psi_d_next_0);
+    const float64 part_of_omega_pred = magnet_flux * GAIN_TORQUE_INV_L_D -
+        GAIN_TORQUE_SALIENCY * psi_d_between;
+    const float64 part_of_even_torque_0 = GAIN_TORQUE_SALIENCY_BY2 * (even_psi_d_mid_0 + even_psi_d_next_0);
     const float64 total_psi_q_between_0 = psi_q_between + even_psi_q_between_0;
-    const float64 part_of_even_torque_0_3 = L_30 * GAIN_TORQUE_INV_L_D -
+    const float64 part_of_even_torque_0_2 = L_30 * GAIN_TORQUE_INV_L_D -
         GAIN_TORQUE_SALIENCY_BY2 * (odd_psi_d_mid_0 + odd_psi_d_next_0);
-    const float64 even_torque_0 = part_of_even_torque_0 * even_psi_q_between_0 -
-        part_of_even_torque_0_2 * total_psi_q_between_0 +
-        n_D_0 * part_of_even_torque_0_3 * odd_psi_q_between_0;
-    const float64 odd_torque_0 = odd_psi_q_between_0 * (part_of_even_torque_0 - part_of_even_torque_0_2) +
-        total_psi_q_between_0 * part_of_even_torque_0_3;
+    const float64 even_torque_0 = part_of_omega_pred * even_psi_q_between_0 -
+        part_of_even_torque_0 * total_psi_q_between_0 + n_D_0 * part_of_even_torque_0_2 * odd_psi_q_between_0;
+    const float64 odd_torque_0 = odd_psi_q_between_0 * (part_of_omega_pred - part_of_even_torque_0) +
+        total_psi_q_between_0 * part_of_even_torque_0_2;
     const float64 D_omega = LD[2];
     const float64 n_D_1 = 7.0 * D_omega;
     const float64 sinc_theta_mid_1 = turn[2];
@@ -354,9 +356,9 @@ static void time_update(const float64 x[7], const float64 LD[28], const float64 
     const float64 total_psi_q_between_1 = psi_q_between + even_psi_q_between_1;
     const float64 part_of_even_torque_1_2 = L_31 * GAIN_TORQUE_INV_L_D -
         GAIN_TORQUE_SALIENCY_BY2 * (odd_psi_d_mid_1 + odd_psi_d_next_1);
-    const float64 even_torque_1 = part_of_even_torque_0 * even_psi_q_between_1 -
+    const float64 even_torque_1 = part_of_omega_pred * even_psi_q_between_1 -
         part_of_even_torque_1 * total_psi_q_between_1 + n_D_1 * part_of_even_torque_1_2 * odd_psi_q_between_1;
-    const float64 odd_torque_1 = odd_psi_q_between_1 * (part_of_even_torque_0 - part_of_even_torque_1) +
+    const float64 odd_torque_1 = odd_psi_q_between_1 * (part_of_omega_pred - part_of_even_torque_1) +
         total_psi_q_between_1 * part_of_even_torque_1_2;
     const float64 L_42 = LD[12];
     const float64 L_52 = LD[17];
@@ -379,10 +381,8 @@ static void time_update(const float64 x[7], const float64 LD[28], const float64 
     const float64 part_of_even_torque_2 = L_32 * GAIN_TORQUE_INV_L_D -
         GAIN_TORQUE_SALIENCY_BY2 * (odd_psi_d_mid_2 + odd_psi_d_next_2);
     const float64 even_torque_2 = minus_even_psi_d_next_2_scaled * total_psi_q_between_2 -
-        part_of_even_torque_0 * minus_even_psi_q_between_2 +
-        n_D_2 * part_of_even_torque_2 * odd_psi_q_between_2;
-    const float64 odd_torque_2 =
-        odd_psi_q_between_2 * (part_of_even_torque_0 + minus_even_psi_d_next_2_scaled) +
+        part_of_omega_pred * minus_even_psi_q_between_2 + n_D_2 * part_of_even_torque_2 * odd_psi_q_between_2;
+    const float64 odd_torque_2 = odd_psi_q_between_2 * (part_of_omega_pred + minus_even_psi_d_next_2_scaled) +
         total_psi_q_between_2 * part_of_even_torque_2;
     const float64 L_43 = LD[13];
     const float64 L_53 = LD[18];
@@ -394,7 +394,7 @@ static void time_update(const float64 x[7], const float64 LD[28], const float64 
     const float64 odd_psi_q_between_3 = 0.5 * (odd_psi_q_mid_3 + odd_psi_q_next_3);
     const float64 part_of_curv_omega_3 = GAIN_TORQUE_INV_L_D -
         GAIN_TORQUE_SALIENCY_BY2 * (odd_psi_d_mid_3 + odd_psi_d_next_3);
-    const float64 odd_torque_3 = part_of_even_torque_0 * odd_psi_q_between_3 +
+    const float64 odd_torque_3 = part_of_omega_pred * odd_psi_q_between_3 +
         psi_q_between * part_of_curv_omega_3;
     const float64 L_54 = LD[19];
     const float64 odd_psi_d_mid_4 = cos_theta_mid + sin_theta_mid * L_54;
@@ -404,13 +404,13 @@ static void time_update(const float64 x[7], const float64 LD[28], const float64 
     const float64 odd_psi_q_between_4 = 0.5 * (odd_psi_q_mid_4 + odd_psi_q_next_4);
     const float64 odd_psi_d_mid_plus_next_4 = odd_psi_d_mid_4 + odd_psi_d_next_4;
     const float64 psi_q_between_scaled = psi_q_between * GAIN_TORQUE_SALIENCY_BY2;
-    const float64 odd_torque_4 = part_of_even_torque_0 * odd_psi_q_between_4 -
+    const float64 odd_torque_4 = part_of_omega_pred * odd_psi_q_between_4 -
         odd_psi_d_mid_plus_next_4 * psi_q_between_scaled;
     const float64 odd_psi_d_next_5 = sin_theta_mid * part_of_even_psi_d_next_0;
     const float64 odd_psi_q_next_5 = cos_theta_mid * part_of_odd_psi_q_next_0;
     const float64 odd_psi_q_between_5 = 0.5 * (cos_theta_mid + odd_psi_q_next_5);
     const float64 part_of_curv_omega_sum = sin_theta_mid + odd_psi_d_next_5;
-    const float64 odd_torque_5 = part_of_even_torque_0 * odd_psi_q_between_5 -
+    const float64 odd_torque_5 = part_of_omega_pred * odd_psi_q_between_5 -
         part_of_curv_omega_sum * psi_q_between_scaled;
     const float64 total_psi_d_next_0 = psi_d_next + even_psi_d_next_0;
     const float64 even_psi_alpha_next_0 = even_psi_d_next_0 + cosm1_theta_mid_0 * total_psi_d_next_0 -
@@ -680,8 +680,8 @@ static void time_update(const float64 x[7], const float64 LD[28], const float64 
     const float64 psi_alpha_pred = cos_theta_mid * psi_alpha_mean - sin_theta_mid * psi_beta_mean;
     const float64 psi_beta_pred = sin_theta_mid * psi_alpha_mean + cos_theta_mid * psi_beta_mean;
     const float64 load_torque = x[4];
-    const float64 omega_of_x = (magnet_flux * GAIN_TORQUE_INV_L_D -
-        GAIN_TORQUE_SALIENCY * psi_d_between) * GAIN_OMEGA * psi_q_between - GAIN_OMEGA * load_torque + omega;
+    const float64 omega_of_x = part_of_omega_pred * GAIN_OMEGA * psi_q_between - GAIN_OMEGA * load_torque +
+        omega;
     const float64 omega_pred = omega_of_x + offset_omega;
     const float64 theta_pred = theta_mid + omega_of_x * HALF_T_POLE_PAIRS + offset_theta;
     const float64 magnet_flux_pred = magnet_flux * ONE_MINUS_RETURN + OWN_MAGNET_FLUX_RETURN;
@@ -741,7 +741,8 @@ static void ickf_iterate(const float64 x_j[7], const float64 x_pred[7], const fl
     const float64 deviation_theta = theta_pred - theta_j;
 
     /* --- eq. 20: Jacobian */
-    const pmsm_pair_f64 sincos_theta_j = sin_cos(theta_j);
+    const float64 theta_j_wrapped = wrap_angle(theta_j);
+    const pmsm_pair_f64 sincos_theta_j = sin_cos(theta_j_wrapped);
     const float64 sin_theta_j = sincos_theta_j.sine;
     const float64 cos_theta_j = sincos_theta_j.cosine;
     const float64 cos_theta_j_times_saliency = cos_theta_j * SALIENCY;
@@ -919,39 +920,39 @@ static void ickf_finish(const float64 x_j[7], const float64 LD_pred[28], const f
     const float64 D_pred_psi_beta = LD_pred[20];
     const float64 g_first_5 = HL_05 * D_pred_psi_beta;
     const float64 R_0 = R[0];
-    const float64 var_first_5 = larger(HL_05 * g_first_5 + R_0, R_0);
+    const float64 var_first_5 = HL_05 * g_first_5 + R_0;
     const float64 HL_04 = HL[4];
     const float64 D_pred_psi_alpha = LD_pred[14];
     const float64 g_first_4 = HL_04 * D_pred_psi_alpha;
-    const float64 var_first_4 = larger(var_first_5 + HL_04 * g_first_4, R_0);
+    const float64 var_first_4 = var_first_5 + HL_04 * g_first_4;
     const float64 HL_03 = HL[3];
     const float64 D_pred_magnet_flux = LD_pred[9];
     const float64 g_first_3 = HL_03 * D_pred_magnet_flux;
-    const float64 var_first_3 = larger(var_first_4 + HL_03 * g_first_3, R_0);
+    const float64 var_first_3 = var_first_4 + HL_03 * g_first_3;
     const float64 HL_02 = HL[2];
     const float64 D_pred_stator_resistance = LD_pred[5];
     const float64 g_first_2 = HL_02 * D_pred_stator_resistance;
-    const float64 var_first_2 = larger(var_first_3 + HL_02 * g_first_2, R_0);
+    const float64 var_first_2 = var_first_3 + HL_02 * g_first_2;
     const float64 HL_01 = HL[1];
     const float64 D_pred_omega = LD_pred[2];
     const float64 g_first_1 = HL_01 * D_pred_omega;
-    const float64 var_first_1 = larger(var_first_2 + HL_01 * g_first_1, R_0);
+    const float64 var_first_1 = var_first_2 + HL_01 * g_first_1;
     const float64 D_pred_theta = LD_pred[0];
     const float64 HL_00 = HL[0];
-    const float64 var_first = larger(var_first_1 + D_pred_theta * HL_00 * HL_00, R_0);
+    const float64 var_first = var_first_1 + D_pred_theta * HL_00 * HL_00;
     const float64 D_pred_psi_beta_per_var_first_5 = D_pred_psi_beta / var_first_5;
     const float64 D_first_5 = R_0 * D_pred_psi_beta_per_var_first_5;
     const float64 HL_15 = HL[11];
     const float64 g_second_5 = HL_15 * D_first_5;
     const float64 R_1 = R[1];
-    const float64 var_second_5 = larger(HL_15 * g_second_5 + R_1, R_1);
+    const float64 var_second_5 = HL_15 * g_second_5 + R_1;
     const float64 change_first_54 = HL_05 * HL_04 * D_pred_psi_beta_per_var_first_5;
     const float64 HL_14 = HL[10];
     const float64 f_second_4 = HL_14 - HL_15 * change_first_54;
     const float64 one_per_var_first_4 = 1.0 / var_first_4;
     const float64 D_first_4 = var_first_5 * (D_pred_psi_alpha * one_per_var_first_4);
     const float64 g_second_4 = f_second_4 * D_first_4;
-    const float64 var_second_4 = larger(var_second_5 + f_second_4 * g_second_4, R_1);
+    const float64 var_second_4 = var_second_5 + f_second_4 * g_second_4;
     const float64 lambda_first_3 = HL_03 * one_per_var_first_4;
     const float64 gain_first_y4 = g_first_5 * HL_15 + g_first_4 * HL_14;
     const float64 HL_13 = HL[9];
@@ -959,7 +960,7 @@ static void ickf_finish(const float64 x_j[7], const float64 LD_pred[28], const f
     const float64 one_per_var_first_3 = 1.0 / var_first_3;
     const float64 D_first_3 = var_first_4 * (D_pred_magnet_flux * one_per_var_first_3);
     const float64 g_second_3 = f_second_3 * D_first_3;
-    const float64 var_second_3 = larger(var_second_4 + f_second_3 * g_second_3, R_1);
+    const float64 var_second_3 = var_second_4 + f_second_3 * g_second_3;
     const float64 lambda_first_2 = HL_02 * one_per_var_first_3;
     const float64 gain_first_y3 = gain_first_y4 + g_first_3 * HL_13;
     const float64 HL_12 = HL[8];
@@ -967,7 +968,7 @@ static void ickf_finish(const float64 x_j[7], const float64 LD_pred[28], const f
     const float64 one_per_var_first_2 = 1.0 / var_first_2;
     const float64 D_first_2 = var_first_3 * (D_pred_stator_resistance * one_per_var_first_2);
     const float64 g_second_2 = f_second_2 * D_first_2;
-    const float64 var_second_2 = larger(var_second_3 + f_second_2 * g_second_2, R_1);
+    const float64 var_second_2 = var_second_3 + f_second_2 * g_second_2;
     const float64 lambda_first_1 = HL_01 * one_per_var_first_2;
     const float64 gain_first_y2 = gain_first_y3 + g_first_2 * HL_12;
     const float64 HL_11 = HL[7];
@@ -975,16 +976,14 @@ static void ickf_finish(const float64 x_j[7], const float64 LD_pred[28], const f
     const float64 one_per_var_first_1 = 1.0 / var_first_1;
     const float64 D_first_1 = var_first_2 * (D_pred_omega * one_per_var_first_1);
     const float64 g_second_1 = f_second_1 * D_first_1;
-    const float64 var_second_1 = larger(var_second_2 + f_second_1 * g_second_1, R_1);
+    const float64 var_second_1 = var_second_2 + f_second_1 * g_second_1;
     const float64 D_first_0 = D_pred_theta * var_first_1 / var_first;
     const float64 lambda_first_0 = HL_00 * one_per_var_first_1;
     const float64 HL_10 = HL[6];
     const float64 f_second_0 = HL_10 - lambda_first_0 * (gain_first_y2 + g_first_1 * HL_11);
-    const float64 var_second = larger(var_second_1 + D_first_0 * f_second_0 * f_second_0, R_1);
+    const float64 var_second = var_second_1 + D_first_0 * f_second_0 * f_second_0;
 
-    /* --- eq. 34: theta wrapped, adaptive states within their tolerance */
-    const float64 theta_j = x_j[3];
-    const float64 theta_new = wrap_angle(theta_j);
+    /* --- eq. 34: adaptive states within their tolerance */
     const float64 magnet_flux_j = x_j[5];
     const float64 magnet_flux_new = larger(LEAST_MAGNET_FLUX, smaller(MOST_MAGNET_FLUX, magnet_flux_j));
     const float64 stator_resistance_j = x_j[6];
@@ -1089,13 +1088,14 @@ static void ickf_finish(const float64 x_j[7], const float64 LD_pred[28], const f
     const float64 psi_alpha_j = x_j[0];
     const float64 psi_beta_j = x_j[1];
     const float64 omega_j = x_j[2];
+    const float64 theta_j = x_j[3];
     const float64 load_torque_j = x_j[4];
     const float64 D_pred_load_torque = LD_pred[27];
 
     x_out[0] = psi_alpha_j;
     x_out[1] = psi_beta_j;
     x_out[2] = omega_j;
-    x_out[3] = theta_new;
+    x_out[3] = theta_j;
     x_out[4] = load_torque_j;
     x_out[5] = magnet_flux_new;
     x_out[6] = stator_resistance_new;
@@ -1171,7 +1171,7 @@ static void coast(const float64 x_pred[7], const float64 LD_pred[28], float64 x_
     x_out[0] = psi_alpha_pred;
     x_out[1] = psi_beta_pred;
     x_out[2] = omega_pred;
-    x_out[3] = wrap_angle(theta_pred);
+    x_out[3] = theta_pred;
     x_out[4] = load_torque_pred;
     x_out[5] = larger(LEAST_MAGNET_FLUX, smaller(MOST_MAGNET_FLUX, magnet_flux_pred));
     x_out[6] = larger(LEAST_STATOR_RESISTANCE, smaller(MOST_STATOR_RESISTANCE, stator_resistance_pred));
@@ -1245,9 +1245,27 @@ static void restart(ipmsm_adaptive_ickf_f64_t *f)
 {
     int i;
     static const int variance[N_STATES] = { 14, 20, 2, 0, 27, 9, 5 }; /* its place among the words */
-    for (i = 0; i < N_WORDS; i++) {
-        f->LD[i] = 0.0;
-    }
+    f->LD[1] = 0.0;
+    f->LD[3] = 0.0;
+    f->LD[4] = 0.0;
+    f->LD[6] = 0.0;
+    f->LD[7] = 0.0;
+    f->LD[8] = 0.0;
+    f->LD[10] = 0.0;
+    f->LD[11] = 0.0;
+    f->LD[12] = 0.0;
+    f->LD[13] = 0.0;
+    f->LD[15] = 0.0;
+    f->LD[16] = 0.0;
+    f->LD[17] = 0.0;
+    f->LD[18] = 0.0;
+    f->LD[19] = 0.0;
+    f->LD[21] = 0.0;
+    f->LD[22] = 0.0;
+    f->LD[23] = 0.0;
+    f->LD[24] = 0.0;
+    f->LD[25] = 0.0;
+    f->LD[26] = 0.0;
     for (i = 0; i < N_STATES; i++) {
         f->x[i] = f->x_0[i];
         f->LD[variance[i]] = f->P_0[i];
@@ -1299,16 +1317,20 @@ int ipmsm_adaptive_ickf_f64_step(ipmsm_adaptive_ickf_f64_t *f, const float64 u[2
     float64 nis[1];
     float64 HL[12];
     float64 change[1];
-    const int u_good = within(u, f->u_max);
-    const int accepted = (u_good != 0) ? within(y, f->y_max) : 0;
-    int iterations = accepted;
+    int accepted = 0;
+    int iterations;
     int moving;
-    int status = (accepted != 0) ? 0 : PMSM_INPUT_REJECTED;
+    int status = PMSM_INPUT_REJECTED;
 
-    if (u_good != 0) {
+    if (within(u, f->u_max) != 0) {
         f->u_held[0] = u[0];
         f->u_held[1] = u[1];
+        if (within(y, f->y_max) != 0) {
+            accepted = 1;
+            status = 0;
+        }
     }
+    iterations = accepted;
     status |= time_update_turns(f->LD, turn);
     time_update(f->x, f->LD, f->Q, f->u_held, turn, x_pred, LD_pred, check);
     if (!((LD_pred[0] > f->Q[3]) && (LD_pred[2] > f->Q[2]) && (LD_pred[5] > f->Q[6]) && (LD_pred[9] > f->Q[5])
@@ -1331,11 +1353,15 @@ int ipmsm_adaptive_ickf_f64_step(ipmsm_adaptive_ickf_f64_t *f, const float64 u[2
     } else {
         coast(x_pred, LD_pred, f->x, f->LD);
     }
-    /* The sum of pivots, mean and states is no number if one of them is none. */
-    check[0] = check[0] + f->nis + f->x[0] + f->x[1] + f->x[2] + f->x[3] + f->x[4] + f->x[5] + f->x[6];
-    if (((status & PMSM_COVARIANCE_REPAIRED) != 0) || !(check[0] * check[0] <= SANE_LIMIT * SANE_LIMIT) ||
-        !(f->nis < f->nis_max)) {
+    /* The sum of pivots, mean and states is no number if one of them is none; theta, wrapped, is always one.
+        */
+    check[0] = check[0] + f->nis + f->x[0] + f->x[1] + f->x[2] + f->x[4] + f->x[5] + f->x[6];
+    if (!(check[0] * check[0] <= SANE_LIMIT * SANE_LIMIT) || !(f->nis < f->nis_max) ||
+        ((status & PMSM_COVARIANCE_REPAIRED) != 0)) {
         status = set_status_bits(f, status, check[0]);
+    }
+    if (!(f->x[3] * f->x[3] <= INSIDE)) {
+        f->x[3] = wrap_angle(f->x[3]);
     }
     f->iterations = iterations;
     return status;

@@ -48,25 +48,22 @@
 #define ROUND 1.2582912e+07f
 /* The largest number below pi: wrapped angles stay in [-pi, pi). */
 #define BELOW_PI 3.1415925f
+/* Just below pi^2: an angle whose square is no larger is wrapped already. */
+#define INSIDE 9.8696f
 
 /* Sine and cosine as arithmetic: no branch, the same bits on every IEEE machine.
- * Error for |x| <= 1000 rad: proved 4.5e-07, worst of 200002 arguments 1.2e-07. */
-#define ROUND_EVEN 2.5165824e+07f /* adding and subtracting it rounds to the nearest even integer */
+ * Error for |x| <= pi, as wrap_angle leaves it: proved 8.0e-07, worst of 500002 arguments 3.8e-07. */
 INLINE pmsm_pair sin_cos(float32 x)
 {
     pmsm_pair result;
-    /* --- x = k pi + r with |r| <= pi / 2, pi in two parts */
-    const float32 k = x * 0.31830987f + ROUND - ROUND;
-    const float32 r = x - k * 3.1416016f - k * -8.90891e-06f;
-    /* --- the sign is -1 for odd k */
-    const float32 odd = k - (k + ROUND_EVEN - ROUND_EVEN);
-    const float32 sign = 1.0f - 2.0f * (odd * odd);
-    /* --- minimax polynomials in z = r^2 */
-    const float32 z = r * r;
-    result.sine = sign * (r + r * z * (((2.5999034e-06f * z + -0.00019806548f) * z + 0.008333016f) * z +
-        -0.16666657f));
-    result.cosine = sign * (1.0f - 0.5f * z + z * z * (((-2.6192484e-07f * z + 2.476924e-05f) * z +
-        -0.0013888568f) * z + 0.041666657f));
+    /* --- s = 2 sin(x / 2), c = cos(x / 2), minimax polynomials in z = x^2 */
+    const float32 z = x * x;
+    const float32 s = x * ((((1.0156464e-08f * z + -3.0947836e-06f) * z + 0.00052081357f) * z +
+        -0.04166664f) * z + 1.0f);
+    const float32 c = (((9.060307e-08f * z + -2.1649887e-05f) * z + 0.0026039993f) * z + -0.12499983f) * z +
+        1.0f;
+    result.sine = s * c;
+    result.cosine = 2.0f * (c * c) - 1.0f;
     return result;
 }
 
@@ -91,7 +88,7 @@ INLINE float32 wrap_angle(float32 x)
     /* --- r = x - 2 pi turns, kept inside, where x is not inside itself */
     const float32 turns = x * 0.15915494f + ROUND - ROUND;
     const float32 r = x - turns * 6.283203f - turns * -1.781782e-05f;
-    return (larger(x, -x) <= 3.14159f) ? x : larger(smaller(r, BELOW_PI), -3.1415925f);
+    return (x * x <= INSIDE) ? x : larger(smaller(r, BELOW_PI), -3.1415925f);
 }
 #define ANGLE_COLUMNS 1 /* of L, in which theta has a part: up to its own */
 #define ANGLE_ROW 0 /* of LD: what belongs to theta */
@@ -99,7 +96,7 @@ INLINE float32 wrap_angle(float32 x)
 
 /* How far a column of L turns an angle, from z = d^2 / 7: sin(d) / d = 1 + SINC_1 z + ..., cos(d) - 1 = COSM1_1 z + ...
  * for d up to 0.71 rad; WIDE_ ones for d up to pi.
- * Error proved: sinc 1.1e-06, cosm1 4.5e-07 of d^2 / 2; wide 5.7e-07, 1.1e-06. */
+ * Error proved: sinc 1.0e-06, cosm1 4.5e-07 of d^2 / 2; wide 5.1e-07, 1.1e-06. */
 #define SINC_1 -1.1665187f
 #define SINC_2 0.40161937f
 #define COSM1_1 -3.4999993f
@@ -206,10 +203,19 @@ static void take(lanes *__restrict target, const lanes *__restrict source, const
     }
 }
 
-/* 1 if value is a number within +-limit; NaN and infinity are not. By squares, as in the scalar form. */
+/* What stands in the order of the sizes of numbers: their bits without the sign. Infinity is above every number, NaN above
+ * infinity. */
+INLINE Uint32 size_of(float32 value)
+{
+    pmsm_word word;
+    word.value = value;
+    return word.bits << 1;
+}
+
+/* 1 if value is a number within +-limit; NaN and infinity are not. */
 INLINE int within(float32 value, float32 limit)
 {
-    return (value * value <= limit * limit) ? 1 : 0;
+    return (size_of(value) <= size_of(limit)) ? 1 : 0;
 }
 
 /* Input guard: holds good voltages, marks the lanes whose input is rejected and says whether there is any. */
@@ -370,7 +376,8 @@ static void time_update(const lanes *__restrict x, const lanes *__restrict LD, c
         const float32 odd_omega_e_0 = POLE_PAIRS * L_10;
         const float32 theta_mid = HALF_T * omega_e + theta;
         const float32 odd_theta_mid_0 = 1.0f + HALF_T * odd_omega_e_0;
-        const pmsm_pair sincos_theta_mid = sin_cos(theta_mid);
+        const float32 theta_mid_wrapped = wrap_angle(theta_mid);
+        const pmsm_pair sincos_theta_mid = sin_cos(theta_mid_wrapped);
         const float32 sin_theta_mid = sincos_theta_mid.sine;
         const float32 cos_theta_mid = sincos_theta_mid.cosine;
         const float32 psi_d_mid = cos_theta_mid * psi_alpha + sin_theta_mid * psi_beta;
@@ -422,17 +429,16 @@ static void time_update(const lanes *__restrict x, const lanes *__restrict LD, c
         const float32 psi_q_between = 0.5f * (psi_q_mid + psi_q_next);
         const float32 even_psi_q_between_0 = 0.5f * (even_psi_q_mid_0 + even_psi_q_next_0);
         const float32 odd_psi_q_between_0 = 0.5f * (odd_psi_q_mid_0 + odd_psi_q_next_0);
-        const float32 part_of_even_torque_0 = magnet_flux * GAIN_TORQUE_INV_L_D -
-            psi_d_between * GAIN_TORQUE_SALIENCY;
-        const float32 part_of_even_torque_0_2 = GAIN_TORQUE_SALIENCY_BY2 * (even_psi_d_mid_0 + even_psi_d_next_0);
+        const float32 part_of_omega_pred = magnet_flux * GAIN_TORQUE_INV_L_D -
+            GAIN_TORQUE_SALIENCY * psi_d_between;
+        const float32 part_of_even_torque_0 = GAIN_TORQUE_SALIENCY_BY2 * (even_psi_d_mid_0 + even_psi_d_next_0);
         const float32 total_psi_q_between_0 = psi_q_between + even_psi_q_between_0;
-        const float32 part_of_even_torque_0_3 = L_30 * GAIN_TORQUE_INV_L_D -
+        const float32 part_of_even_torque_0_2 = L_30 * GAIN_TORQUE_INV_L_D -
             GAIN_TORQUE_SALIENCY_BY2 * (odd_psi_d_mid_0 + odd_psi_d_next_0);
-        const float32 even_torque_0 = part_of_even_torque_0 * even_psi_q_between_0 -
-            part_of_even_torque_0_2 * total_psi_q_between_0 +
-            n_D_0 * part_of_even_torque_0_3 * odd_psi_q_between_0;
-        const float32 odd_torque_0 = odd_psi_q_between_0 * (part_of_even_torque_0 - part_of_even_torque_0_2) +
-            total_psi_q_between_0 * part_of_even_torque_0_3;
+        const float32 even_torque_0 = part_of_omega_pred * even_psi_q_between_0 -
+            part_of_even_torque_0 * total_psi_q_between_0 + n_D_0 * part_of_even_torque_0_2 * odd_psi_q_between_0;
+        const float32 odd_torque_0 = odd_psi_q_between_0 * (part_of_omega_pred - part_of_even_torque_0) +
+            total_psi_q_between_0 * part_of_even_torque_0_2;
         const float32 n_D_1 = 7.0f * D_omega;
         const float32 sind_theta_mid_1 = HALF_T_POLE_PAIRS * sinc_theta_mid_1;
         const float32 n_D_sind_theta_mid_1 = n_D_1 * sind_theta_mid_1;
@@ -467,9 +473,9 @@ static void time_update(const lanes *__restrict x, const lanes *__restrict LD, c
         const float32 total_psi_q_between_1 = psi_q_between + even_psi_q_between_1;
         const float32 part_of_even_torque_1_2 = L_31 * GAIN_TORQUE_INV_L_D -
             GAIN_TORQUE_SALIENCY_BY2 * (odd_psi_d_mid_1 + odd_psi_d_next_1);
-        const float32 even_torque_1 = part_of_even_torque_0 * even_psi_q_between_1 -
+        const float32 even_torque_1 = part_of_omega_pred * even_psi_q_between_1 -
             part_of_even_torque_1 * total_psi_q_between_1 + n_D_1 * part_of_even_torque_1_2 * odd_psi_q_between_1;
-        const float32 odd_torque_1 = odd_psi_q_between_1 * (part_of_even_torque_0 - part_of_even_torque_1) +
+        const float32 odd_torque_1 = odd_psi_q_between_1 * (part_of_omega_pred - part_of_even_torque_1) +
             total_psi_q_between_1 * part_of_even_torque_1_2;
         const float32 odd_psi_d_mid_2 = cos_theta_mid * L_42 + sin_theta_mid * L_52;
         const float32 odd_psi_q_mid_2 = cos_theta_mid * L_52 - sin_theta_mid * L_42;
@@ -488,10 +494,8 @@ static void time_update(const lanes *__restrict x, const lanes *__restrict LD, c
         const float32 part_of_even_torque_2 = L_32 * GAIN_TORQUE_INV_L_D -
             GAIN_TORQUE_SALIENCY_BY2 * (odd_psi_d_mid_2 + odd_psi_d_next_2);
         const float32 even_torque_2 = minus_even_psi_d_next_2_scaled * total_psi_q_between_2 -
-            part_of_even_torque_0 * minus_even_psi_q_between_2 +
-            n_D_2 * part_of_even_torque_2 * odd_psi_q_between_2;
-        const float32 odd_torque_2 =
-            odd_psi_q_between_2 * (part_of_even_torque_0 + minus_even_psi_d_next_2_scaled) +
+            part_of_omega_pred * minus_even_psi_q_between_2 + n_D_2 * part_of_even_torque_2 * odd_psi_q_between_2;
+        const float32 odd_torque_2 = odd_psi_q_between_2 * (part_of_omega_pred + minus_even_psi_d_next_2_scaled) +
             total_psi_q_between_2 * part_of_even_torque_2;
         const float32 odd_psi_d_mid_3 = cos_theta_mid * L_43 + sin_theta_mid * L_53;
         const float32 odd_psi_q_mid_3 = cos_theta_mid * L_53 - sin_theta_mid * L_43;
@@ -501,7 +505,7 @@ static void time_update(const lanes *__restrict x, const lanes *__restrict LD, c
         const float32 odd_psi_q_between_3 = 0.5f * (odd_psi_q_mid_3 + odd_psi_q_next_3);
         const float32 part_of_curv_omega_3 = GAIN_TORQUE_INV_L_D -
             GAIN_TORQUE_SALIENCY_BY2 * (odd_psi_d_mid_3 + odd_psi_d_next_3);
-        const float32 odd_torque_3 = part_of_even_torque_0 * odd_psi_q_between_3 +
+        const float32 odd_torque_3 = part_of_omega_pred * odd_psi_q_between_3 +
             psi_q_between * part_of_curv_omega_3;
         const float32 odd_psi_d_mid_4 = cos_theta_mid + sin_theta_mid * L_54;
         const float32 odd_psi_q_mid_4 = cos_theta_mid * L_54 - sin_theta_mid;
@@ -510,13 +514,13 @@ static void time_update(const lanes *__restrict x, const lanes *__restrict LD, c
         const float32 odd_psi_q_between_4 = 0.5f * (odd_psi_q_mid_4 + odd_psi_q_next_4);
         const float32 odd_psi_d_mid_plus_next_4 = odd_psi_d_mid_4 + odd_psi_d_next_4;
         const float32 psi_q_between_scaled = psi_q_between * GAIN_TORQUE_SALIENCY_BY2;
-        const float32 odd_torque_4 = part_of_even_torque_0 * odd_psi_q_between_4 -
+        const float32 odd_torque_4 = part_of_omega_pred * odd_psi_q_between_4 -
             odd_psi_d_mid_plus_next_4 * psi_q_between_scaled;
         const float32 odd_psi_d_next_5 = sin_theta_mid * part_of_even_psi_d_next_0;
         const float32 odd_psi_q_next_5 = cos_theta_mid * part_of_odd_psi_q_next_0;
         const float32 odd_psi_q_between_5 = 0.5f * (cos_theta_mid + odd_psi_q_next_5);
         const float32 part_of_curv_omega_sum = sin_theta_mid + odd_psi_d_next_5;
-        const float32 odd_torque_5 = part_of_even_torque_0 * odd_psi_q_between_5 -
+        const float32 odd_torque_5 = part_of_omega_pred * odd_psi_q_between_5 -
             part_of_curv_omega_sum * psi_q_between_scaled;
         const float32 total_psi_d_next_0 = psi_d_next + even_psi_d_next_0;
         const float32 even_psi_alpha_next_0 = even_psi_d_next_0 + cosm1_theta_mid_0 * total_psi_d_next_0 -
@@ -768,8 +772,8 @@ static void time_update(const lanes *__restrict x, const lanes *__restrict LD, c
         const float32 psi_beta_mean = psi_q_next + curv_psi_beta_mean;
         const float32 psi_alpha_pred = cos_theta_mid * psi_alpha_mean - sin_theta_mid * psi_beta_mean;
         const float32 psi_beta_pred = sin_theta_mid * psi_alpha_mean + cos_theta_mid * psi_beta_mean;
-        const float32 omega_of_x = (magnet_flux * GAIN_TORQUE_INV_L_D -
-            GAIN_TORQUE_SALIENCY * psi_d_between) * GAIN_OMEGA * psi_q_between - GAIN_OMEGA * load_torque + omega;
+        const float32 omega_of_x = part_of_omega_pred * GAIN_OMEGA * psi_q_between - GAIN_OMEGA * load_torque +
+            omega;
         const float32 omega_pred = omega_of_x + offset_omega;
         const float32 theta_pred = theta_mid + omega_of_x * HALF_T_POLE_PAIRS + offset_theta;
         const float32 magnet_flux_pred = magnet_flux * ONE_MINUS_RETURN + OWN_MAGNET_FLUX_RETURN;
@@ -877,7 +881,8 @@ static void ickf_iterate(const lanes *__restrict x_j, const lanes *__restrict x_
         const float32 deviation_theta = theta_pred - theta_j;
 
         /* --- eq. 20: Jacobian */
-        const pmsm_pair sincos_theta_j = sin_cos(theta_j);
+        const float32 theta_j_wrapped = wrap_angle(theta_j);
+        const pmsm_pair sincos_theta_j = sin_cos(theta_j_wrapped);
         const float32 sin_theta_j = sincos_theta_j.sine;
         const float32 cos_theta_j = sincos_theta_j.cosine;
         const float32 cos_theta_j_times_saliency = cos_theta_j * SALIENCY;
@@ -1062,54 +1067,53 @@ static void ickf_finish(const lanes *__restrict x_j, const lanes *__restrict LD_
 
         /* --- eq. 32 */
         const float32 g_first_5 = HL_05 * D_pred_psi_beta;
-        const float32 var_first_5 = larger(HL_05 * g_first_5 + R_0, R_0);
+        const float32 var_first_5 = HL_05 * g_first_5 + R_0;
         const float32 g_first_4 = HL_04 * D_pred_psi_alpha;
-        const float32 var_first_4 = larger(var_first_5 + HL_04 * g_first_4, R_0);
+        const float32 var_first_4 = var_first_5 + HL_04 * g_first_4;
         const float32 g_first_3 = HL_03 * D_pred_magnet_flux;
-        const float32 var_first_3 = larger(var_first_4 + HL_03 * g_first_3, R_0);
+        const float32 var_first_3 = var_first_4 + HL_03 * g_first_3;
         const float32 g_first_2 = HL_02 * D_pred_stator_resistance;
-        const float32 var_first_2 = larger(var_first_3 + HL_02 * g_first_2, R_0);
+        const float32 var_first_2 = var_first_3 + HL_02 * g_first_2;
         const float32 g_first_1 = HL_01 * D_pred_omega;
-        const float32 var_first_1 = larger(var_first_2 + HL_01 * g_first_1, R_0);
-        const float32 var_first = larger(var_first_1 + D_pred_theta * HL_00 * HL_00, R_0);
+        const float32 var_first_1 = var_first_2 + HL_01 * g_first_1;
+        const float32 var_first = var_first_1 + D_pred_theta * HL_00 * HL_00;
         const float32 D_pred_psi_beta_per_var_first_5 = D_pred_psi_beta / var_first_5;
         const float32 D_first_5 = R_0 * D_pred_psi_beta_per_var_first_5;
         const float32 g_second_5 = HL_15 * D_first_5;
-        const float32 var_second_5 = larger(HL_15 * g_second_5 + R_1, R_1);
+        const float32 var_second_5 = HL_15 * g_second_5 + R_1;
         const float32 change_first_54 = HL_05 * HL_04 * D_pred_psi_beta_per_var_first_5;
         const float32 f_second_4 = HL_14 - HL_15 * change_first_54;
         const float32 one_per_var_first_4 = 1.0f / var_first_4;
         const float32 D_first_4 = var_first_5 * (D_pred_psi_alpha * one_per_var_first_4);
         const float32 g_second_4 = f_second_4 * D_first_4;
-        const float32 var_second_4 = larger(var_second_5 + f_second_4 * g_second_4, R_1);
+        const float32 var_second_4 = var_second_5 + f_second_4 * g_second_4;
         const float32 lambda_first_3 = HL_03 * one_per_var_first_4;
         const float32 gain_first_y4 = g_first_5 * HL_15 + g_first_4 * HL_14;
         const float32 f_second_3 = HL_13 - lambda_first_3 * gain_first_y4;
         const float32 one_per_var_first_3 = 1.0f / var_first_3;
         const float32 D_first_3 = var_first_4 * (D_pred_magnet_flux * one_per_var_first_3);
         const float32 g_second_3 = f_second_3 * D_first_3;
-        const float32 var_second_3 = larger(var_second_4 + f_second_3 * g_second_3, R_1);
+        const float32 var_second_3 = var_second_4 + f_second_3 * g_second_3;
         const float32 lambda_first_2 = HL_02 * one_per_var_first_3;
         const float32 gain_first_y3 = gain_first_y4 + g_first_3 * HL_13;
         const float32 f_second_2 = HL_12 - lambda_first_2 * gain_first_y3;
         const float32 one_per_var_first_2 = 1.0f / var_first_2;
         const float32 D_first_2 = var_first_3 * (D_pred_stator_resistance * one_per_var_first_2);
         const float32 g_second_2 = f_second_2 * D_first_2;
-        const float32 var_second_2 = larger(var_second_3 + f_second_2 * g_second_2, R_1);
+        const float32 var_second_2 = var_second_3 + f_second_2 * g_second_2;
         const float32 lambda_first_1 = HL_01 * one_per_var_first_2;
         const float32 gain_first_y2 = gain_first_y3 + g_first_2 * HL_12;
         const float32 f_second_1 = HL_11 - lambda_first_1 * gain_first_y2;
         const float32 one_per_var_first_1 = 1.0f / var_first_1;
         const float32 D_first_1 = var_first_2 * (D_pred_omega * one_per_var_first_1);
         const float32 g_second_1 = f_second_1 * D_first_1;
-        const float32 var_second_1 = larger(var_second_2 + f_second_1 * g_second_1, R_1);
+        const float32 var_second_1 = var_second_2 + f_second_1 * g_second_1;
         const float32 D_first_0 = D_pred_theta * var_first_1 / var_first;
         const float32 lambda_first_0 = HL_00 * one_per_var_first_1;
         const float32 f_second_0 = HL_10 - lambda_first_0 * (gain_first_y2 + g_first_1 * HL_11);
-        const float32 var_second = larger(var_second_1 + D_first_0 * f_second_0 * f_second_0, R_1);
+        const float32 var_second = var_second_1 + D_first_0 * f_second_0 * f_second_0;
 
-        /* --- eq. 34: theta wrapped, adaptive states within their tolerance */
-        const float32 theta_new = wrap_angle(theta_j);
+        /* --- eq. 34: adaptive states within their tolerance */
         const float32 magnet_flux_new = larger(LEAST_MAGNET_FLUX, smaller(MOST_MAGNET_FLUX, magnet_flux_j));
         const float32 stator_resistance_new = larger(LEAST_STATOR_RESISTANCE,
             smaller(MOST_STATOR_RESISTANCE, stator_resistance_j));
@@ -1192,7 +1196,7 @@ static void ickf_finish(const lanes *__restrict x_j, const lanes *__restrict LD_
         x_out[0].of[lane] = psi_alpha_j;
         x_out[1].of[lane] = psi_beta_j;
         x_out[2].of[lane] = omega_j;
-        x_out[3].of[lane] = theta_new;
+        x_out[3].of[lane] = theta_j;
         x_out[4].of[lane] = load_torque_j;
         x_out[5].of[lane] = magnet_flux_new;
         x_out[6].of[lane] = stator_resistance_new;
@@ -1272,7 +1276,7 @@ static void coast(const lanes *__restrict x_pred, const lanes *__restrict LD_pre
         x_out[0].of[lane] = psi_alpha_pred;
         x_out[1].of[lane] = psi_beta_pred;
         x_out[2].of[lane] = omega_pred;
-        x_out[3].of[lane] = wrap_angle(theta_pred);
+        x_out[3].of[lane] = theta_pred;
         x_out[4].of[lane] = load_torque_pred;
         x_out[5].of[lane] = larger(LEAST_MAGNET_FLUX, smaller(MOST_MAGNET_FLUX, magnet_flux_pred));
         x_out[6].of[lane] = larger(LEAST_STATOR_RESISTANCE,
@@ -1363,7 +1367,7 @@ static void set_status_bits(ipmsm_adaptive_ickf_lanes_t *__restrict f, float32 c
     }
 }
 
-/* The sum of pivots, mean and states is no number if one of them is none. */
+/* The sum of pivots, mean and states is no number if one of them is none; theta, wrapped, is always one. */
 static void finish_step(ipmsm_adaptive_ickf_lanes_t *__restrict f, const lanes *__restrict nis,
     lanes *__restrict check, const int *__restrict rejected)
 {
@@ -1378,12 +1382,12 @@ static void finish_step(ipmsm_adaptive_ickf_lanes_t *__restrict f, const lanes *
     }
     for (lane = 0; lane < LANES; lane++) {
         check[0].of[lane] = check[0].of[lane] + f->nis[0].of[lane] + f->x[0].of[lane] + f->x[1].of[lane] +
-            f->x[2].of[lane] + f->x[3].of[lane] + f->x[4].of[lane] + f->x[5].of[lane] + f->x[6].of[lane];
+            f->x[2].of[lane] + f->x[4].of[lane] + f->x[5].of[lane] + f->x[6].of[lane];
     }
     for (lane = 0; lane < LANES; lane++) {
-        const int unusual_0 = ((f->status[lane] & PMSM_COVARIANCE_REPAIRED) != 0) ? 1 : 0;
-        const int unusual_1 = (check[0].of[lane] * check[0].of[lane] <= SANE_LIMIT * SANE_LIMIT) ? 0 : 1;
-        const int unusual_2 = (f->nis[0].of[lane] < f->nis_max[0].of[lane]) ? 0 : 1;
+        const int unusual_0 = (check[0].of[lane] * check[0].of[lane] <= SANE_LIMIT * SANE_LIMIT) ? 0 : 1;
+        const int unusual_1 = (f->nis[0].of[lane] < f->nis_max[0].of[lane]) ? 0 : 1;
+        const int unusual_2 = ((f->status[lane] & PMSM_COVARIANCE_REPAIRED) != 0) ? 1 : 0;
         special[lane] = unusual_0 | unusual_1 | unusual_2;
         any |= special[lane];
     }
@@ -1393,6 +1397,15 @@ static void finish_step(ipmsm_adaptive_ickf_lanes_t *__restrict f, const lanes *
                 set_status_bits(f, check[0].of[lane], lane);
             }
         }
+    }
+}
+
+/* The angle back within a turn. */
+static void keep_within_turn(ipmsm_adaptive_ickf_lanes_t *__restrict f)
+{
+    int lane;
+    for (lane = 0; lane < LANES; lane++) {
+        f->x[3].of[lane] = wrap_angle(f->x[3].of[lane]);
     }
 }
 
@@ -1438,4 +1451,5 @@ void ipmsm_adaptive_ickf_lanes_step(ipmsm_adaptive_ickf_lanes_t *f, const lanes 
         take(f->LD, other_LD, rejected, 28);
     }
     finish_step(f, nis, check, rejected);
+    keep_within_turn(f);
 }

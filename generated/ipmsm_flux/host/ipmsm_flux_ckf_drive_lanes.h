@@ -41,6 +41,7 @@ typedef struct {
     int side[LANES];
     int windows[LANES];
     int good[LANES];
+    lanes asked[1];
     ipmsm_flux_ckf_lanes_t rival;
     int taken[LANES]; /* what ipmsm_flux_ckf_supervise returns */
 } ipmsm_flux_ckf_supervisor_lanes_t;

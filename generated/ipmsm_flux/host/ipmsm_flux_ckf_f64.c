@@ -40,6 +40,8 @@
 #define ROUND 6755399441055744.0
 /* The largest number below pi: wrapped angles stay in [-pi, pi). */
 #define BELOW_PI 3.1415926535897927
+/* Just below pi^2: an angle whose square is no larger is wrapped already. */
+#define INSIDE 9.8696
 
 typedef struct {
     float64 sine;
@@ -159,11 +161,11 @@ static float64 wrap_angle(float64 x)
     /* --- r = x - 2 pi turns, kept inside, where x is not inside itself */
     const float64 turns = x * 0.15915494309189535 + ROUND - ROUND;
     const float64 r = x - turns * 6.2831853069365025 - turns * 2.430840202602477e-10;
-    return (larger(x, -x) <= 3.14159) ? x : larger(smaller(r, BELOW_PI), -3.1415926535897927);
+    return (x * x <= INSIDE) ? x : larger(smaller(r, BELOW_PI), -3.1415926535897927);
 }
 
-/* Both values are numbers within +-limit; NaN and infinity are not. Rounded squares stand in the order of the values
- * for limits of 1e-18 .. 1e18, so that one comparison says both sides. */
+/* Both values are numbers within +-limit; NaN and infinity are not. Rounded squares stand in the order of the values,
+ * so that one comparison says both sides. */
 static int within(const float64 value[2], float64 limit)
 {
     const float64 most = limit * limit;
@@ -236,7 +238,8 @@ static void time_update(const float64 x[4], const float64 LD[10], const float64 
     const float64 L_20 = LD[3];
     const float64 L_30 = LD[6];
     const float64 odd_theta_mid_0 = HALF_T_POLE_PAIRS * L_20 + L_30;
-    const pmsm_pair_f64 sincos_theta_mid = sin_cos(theta_mid);
+    const float64 theta_mid_wrapped = wrap_angle(theta_mid);
+    const pmsm_pair_f64 sincos_theta_mid = sin_cos(theta_mid_wrapped);
     const float64 sin_theta_mid = sincos_theta_mid.sine;
     const float64 cos_theta_mid = sincos_theta_mid.cosine;
     const float64 psi_alpha = x[0];
@@ -521,7 +524,8 @@ static void ckf_measurement_update(const float64 x_pred[4], const float64 LD_pre
 {
     /* --- eq. 20: along column c the image is base + even_c +- s_c odd_c, s_c^2 = n D_c */
     const float64 theta_pred = x_pred[3];
-    const pmsm_pair_f64 sincos_theta_pred = sin_cos(theta_pred);
+    const float64 theta_pred_wrapped = wrap_angle(theta_pred);
+    const pmsm_pair_f64 sincos_theta_pred = sin_cos(theta_pred_wrapped);
     const float64 sin_theta_pred = sincos_theta_pred.sine;
     const float64 cos_theta_pred = sincos_theta_pred.cosine;
     const float64 psi_alpha_pred = x_pred[0];
@@ -616,7 +620,7 @@ static void ckf_measurement_update(const float64 x_pred[4], const float64 LD_pre
         SALIENCY * (dev_y_i_alpha_0 * dev_y_i_beta_0 + dev_y_i_alpha_1 * dev_y_i_beta_1 +
         dev_y_i_alpha_2 * dev_y_i_beta_2 + dev_y_i_alpha_3 * dev_y_i_beta_3);
 
-    /* --- eq. 25: y - y_pred, in the rotor's frame; theta wrapped */
+    /* --- eq. 25: y - y_pred, in the rotor's frame */
     const float64 i_alpha_meas = y[0];
     const float64 i_beta_meas = y[1];
     const float64 innovation_i_alpha = cos_theta_pred * i_alpha_meas + sin_theta_pred * i_beta_meas -
@@ -627,15 +631,15 @@ static void ckf_measurement_update(const float64 x_pred[4], const float64 LD_pre
     const float64 part_of_var_first = (1.0 + cosm1_theta_3) * odd_psi_d_pred_3;
     const float64 HL_03 = SALIENCY * part_of_var_first;
     const float64 g_first_3 = HL_03 * D_pred_theta;
-    const float64 var_first_3 = larger(noise_00 + HL_03 * g_first_3, noise_00);
+    const float64 var_first_3 = noise_00 + HL_03 * g_first_3;
     const float64 part_of_var_first_2 = (1.0 + cosm1_theta_2) * odd_psi_d_pred_2;
     const float64 HL_02 = SALIENCY * part_of_var_first_2;
     const float64 g_first_2 = HL_02 * D_pred_omega;
-    const float64 var_first_2 = larger(var_first_3 + HL_02 * g_first_2, noise_00);
+    const float64 var_first_2 = var_first_3 + HL_02 * g_first_2;
     const float64 g_first_1 = D_pred_psi_beta * odd_y_i_alpha_1;
-    const float64 var_first_1 = larger(var_first_2 + odd_y_i_alpha_1 * g_first_1, noise_00);
+    const float64 var_first_1 = var_first_2 + odd_y_i_alpha_1 * g_first_1;
     const float64 g_first_0 = odd_y_i_alpha_0 * D_pred_psi_alpha;
-    const float64 var_first = larger(var_first_1 + odd_y_i_alpha_0 * g_first_0, noise_00);
+    const float64 var_first = var_first_1 + odd_y_i_alpha_0 * g_first_0;
     const float64 one_per_var_first = 1.0 / var_first;
     const float64 nu_by_var_first = innovation_i_alpha * one_per_var_first;
     const float64 HL_13_apart = odd_y_i_beta_3 - HL_03 * noise_10_per_noise_00;
@@ -652,25 +656,25 @@ static void ckf_measurement_update(const float64 x_pred[4], const float64 LD_pre
     const float64 D_pred_theta_per_var_first_3 = D_pred_theta / var_first_3;
     const float64 D_first_3 = noise_00 * D_pred_theta_per_var_first_3;
     const float64 g_second_3 = HL_13_apart * D_first_3;
-    const float64 var_second_3 = larger(R_second + HL_13_apart * g_second_3, R_second);
+    const float64 var_second_3 = R_second + HL_13_apart * g_second_3;
     const float64 change_first_32 =
         part_of_var_first * SALIENCY_SQ * part_of_var_first_2 * D_pred_theta_per_var_first_3;
     const float64 f_second_2 = HL_12_apart - HL_13_apart * change_first_32;
     const float64 one_per_var_first_2 = 1.0 / var_first_2;
     const float64 D_first_2 = var_first_3 * (D_pred_omega * one_per_var_first_2);
     const float64 g_second_2 = f_second_2 * D_first_2;
-    const float64 var_second_2 = larger(var_second_3 + f_second_2 * g_second_2, R_second);
+    const float64 var_second_2 = var_second_3 + f_second_2 * g_second_2;
     const float64 lambda_first_1 = odd_y_i_alpha_1 * one_per_var_first_2;
     const float64 f_second_1 = HL_11_apart - gain_first_y2 * lambda_first_1;
     const float64 one_per_var_first_1 = 1.0 / var_first_1;
     const float64 D_first_1 = var_first_2 * (D_pred_psi_beta * one_per_var_first_1);
     const float64 g_second_1 = D_first_1 * f_second_1;
-    const float64 var_second_1 = larger(var_second_2 + f_second_1 * g_second_1, R_second);
+    const float64 var_second_1 = var_second_2 + f_second_1 * g_second_1;
     const float64 lambda_first_0 = odd_y_i_alpha_0 * one_per_var_first_1;
     const float64 f_second_0 = HL_10_apart - gain_first_y1 * lambda_first_0;
     const float64 D_first_0 = var_first_1 * (D_pred_psi_alpha * one_per_var_first);
     const float64 g_second_0 = D_first_0 * f_second_0;
-    const float64 var_second = larger(var_second_1 + f_second_0 * g_second_0, R_second);
+    const float64 var_second = var_second_1 + f_second_0 * g_second_0;
     const float64 one_per_var_second = 1.0 / var_second;
     const float64 nu_by_var_second = innovation_after_first * one_per_var_second;
     const float64 psi_alpha_new = g_first_0 * nu_by_var_first + g_second_0 * nu_by_var_second +
@@ -694,8 +698,8 @@ static void ckf_measurement_update(const float64 x_pred[4], const float64 LD_pre
     const float64 L_first_31 = L_pred_31 - lambda_first_1 * gain_first_32;
     const float64 gain_second_31 = gain_second_32 + g_second_1 * L_first_31;
     const float64 L_first_30 = L_pred_30 - lambda_first_0 * gain_first_31;
-    const float64 theta_new = wrap_angle(nu_by_var_first * (gain_first_31 + L_pred_30 * g_first_0) +
-        nu_by_var_second * (gain_second_31 + g_second_0 * L_first_30) + theta_pred);
+    const float64 theta_new = nu_by_var_first * (gain_first_31 + L_pred_30 * g_first_0) +
+        nu_by_var_second * (gain_second_31 + g_second_0 * L_first_30) + theta_pred;
 
     /* --- eq. 26: L D L^T = P_new */
     const float64 D_new_psi_alpha = D_first_0 * var_second_1 * one_per_var_second;
@@ -755,7 +759,7 @@ static void coast(const float64 x_pred[4], const float64 LD_pred[10], float64 x_
     x_out[0] = psi_alpha_pred;
     x_out[1] = psi_beta_pred;
     x_out[2] = omega_pred;
-    x_out[3] = wrap_angle(theta_pred);
+    x_out[3] = theta_pred;
     LD_out[0] = D_pred_psi_alpha;
     LD_out[1] = L_pred_10;
     LD_out[2] = D_pred_psi_beta;
@@ -799,9 +803,12 @@ static void restart(ipmsm_flux_ckf_f64_t *f)
 {
     int i;
     static const int variance[N_STATES] = { 0, 2, 5, 9 }; /* its place among the words */
-    for (i = 0; i < N_WORDS; i++) {
-        f->LD[i] = 0.0;
-    }
+    f->LD[1] = 0.0;
+    f->LD[3] = 0.0;
+    f->LD[4] = 0.0;
+    f->LD[6] = 0.0;
+    f->LD[7] = 0.0;
+    f->LD[8] = 0.0;
     for (i = 0; i < N_STATES; i++) {
         f->x[i] = f->x_0[i];
         f->LD[variance[i]] = f->P_0[i];
@@ -851,15 +858,19 @@ int ipmsm_flux_ckf_f64_step(ipmsm_flux_ckf_f64_t *f, const float64 u[2], const f
     float64 check[1];
     float64 turn_pred[8];
     float64 nis[1];
-    const int u_good = within(u, f->u_max);
-    const int accepted = (u_good != 0) ? within(y, f->y_max) : 0;
-    int iterations = accepted;
-    int status = (accepted != 0) ? 0 : PMSM_INPUT_REJECTED;
+    int accepted = 0;
+    int iterations;
+    int status = PMSM_INPUT_REJECTED;
 
-    if (u_good != 0) {
+    if (within(u, f->u_max) != 0) {
         f->u_held[0] = u[0];
         f->u_held[1] = u[1];
+        if (within(y, f->y_max) != 0) {
+            accepted = 1;
+            status = 0;
+        }
     }
+    iterations = accepted;
     status |= time_update_turns(f->LD, turn);
     time_update(f->x, f->LD, f->Q, f->u_held, turn, x_pred, LD_pred, check);
     if (!((LD_pred[0] > f->Q[0]) && (LD_pred[2] > f->Q[1]) && (LD_pred[5] > f->Q[2]) &&
@@ -873,11 +884,15 @@ int ipmsm_flux_ckf_f64_step(ipmsm_flux_ckf_f64_t *f, const float64 u[2], const f
     } else {
         coast(x_pred, LD_pred, f->x, f->LD);
     }
-    /* The sum of pivots, mean and states is no number if one of them is none. */
-    check[0] = check[0] + f->nis + f->x[0] + f->x[1] + f->x[2] + f->x[3];
-    if (((status & PMSM_COVARIANCE_REPAIRED) != 0) || !(check[0] * check[0] <= SANE_LIMIT * SANE_LIMIT) ||
-        !(f->nis < f->nis_max)) {
+    /* The sum of pivots, mean and states is no number if one of them is none; theta, wrapped, is always one.
+        */
+    check[0] = check[0] + f->nis + f->x[0] + f->x[1] + f->x[2];
+    if (!(check[0] * check[0] <= SANE_LIMIT * SANE_LIMIT) || !(f->nis < f->nis_max) ||
+        ((status & PMSM_COVARIANCE_REPAIRED) != 0)) {
         status = set_status_bits(f, status, check[0]);
+    }
+    if (!(f->x[3] * f->x[3] <= INSIDE)) {
+        f->x[3] = wrap_angle(f->x[3]);
     }
     f->iterations = iterations;
     return status;

@@ -41,6 +41,7 @@ typedef struct {
     int side[LANES];
     int windows[LANES];
     int good[LANES];
+    lanes asked[1];
     ipmsm_flux_ickf_lanes_t rival;
     int taken[LANES]; /* what ipmsm_flux_ickf_supervise returns */
 } ipmsm_flux_ickf_supervisor_lanes_t;

@@ -39,6 +39,8 @@
 #define ROUND 6755399441055744.0
 /* The largest number below pi: wrapped angles stay in [-pi, pi). */
 #define BELOW_PI 3.1415926535897927
+/* Just below pi^2: an angle whose square is no larger is wrapped already. */
+#define INSIDE 9.8696
 
 typedef struct {
     float64 sine;
@@ -158,7 +160,7 @@ static float64 wrap_angle(float64 x)
     /* --- r = x - 2 pi turns, kept inside, where x is not inside itself */
     const float64 turns = x * 0.15915494309189535 + ROUND - ROUND;
     const float64 r = x - turns * 6.2831853069365025 - turns * 2.430840202602477e-10;
-    return (larger(x, -x) <= 3.14159) ? x : larger(smaller(r, BELOW_PI), -3.1415926535897927);
+    return (x * x <= INSIDE) ? x : larger(smaller(r, BELOW_PI), -3.1415926535897927);
 }
 
 static void copy(float64 *target, const float64 *source, int count)
@@ -169,8 +171,8 @@ static void copy(float64 *target, const float64 *source, int count)
     }
 }
 
-/* Both values are numbers within +-limit; NaN and infinity are not. Rounded squares stand in the order of the values
- * for limits of 1e-18 .. 1e18, so that one comparison says both sides. */
+/* Both values are numbers within +-limit; NaN and infinity are not. Rounded squares stand in the order of the values,
+ * so that one comparison says both sides. */
 static int within(const float64 value[2], float64 limit)
 {
     const float64 most = limit * limit;
@@ -243,7 +245,8 @@ static void time_update(const float64 x[4], const float64 LD[10], const float64 
     const float64 L_20 = LD[3];
     const float64 L_30 = LD[6];
     const float64 odd_theta_mid_0 = HALF_T_POLE_PAIRS * L_20 + L_30;
-    const pmsm_pair_f64 sincos_theta_mid = sin_cos(theta_mid);
+    const float64 theta_mid_wrapped = wrap_angle(theta_mid);
+    const pmsm_pair_f64 sincos_theta_mid = sin_cos(theta_mid_wrapped);
     const float64 sin_theta_mid = sincos_theta_mid.sine;
     const float64 cos_theta_mid = sincos_theta_mid.cosine;
     const float64 psi_alpha = x[0];
@@ -483,7 +486,8 @@ static void ickf_iterate(const float64 x_j[4], const float64 x_pred[4], const fl
     const float64 deviation_theta = theta_pred - theta_j;
 
     /* --- eq. 20: Jacobian */
-    const pmsm_pair_f64 sincos_theta_j = sin_cos(theta_j);
+    const float64 theta_j_wrapped = wrap_angle(theta_j);
+    const pmsm_pair_f64 sincos_theta_j = sin_cos(theta_j_wrapped);
     const float64 sin_theta_j = sincos_theta_j.sine;
     const float64 cos_theta_j = sincos_theta_j.cosine;
     const float64 cos_theta_j_times_saliency = cos_theta_j * SALIENCY;
@@ -598,31 +602,31 @@ static void ickf_finish(const float64 x_j[4], const float64 LD_pred[10], const f
     const float64 D_pred_theta = LD_pred[9];
     const float64 g_first_3 = HL_03 * D_pred_theta;
     const float64 R_0 = R[0];
-    const float64 var_first_3 = larger(HL_03 * g_first_3 + R_0, R_0);
+    const float64 var_first_3 = HL_03 * g_first_3 + R_0;
     const float64 HL_02 = HL[2];
     const float64 D_pred_omega = LD_pred[5];
     const float64 g_first_2 = HL_02 * D_pred_omega;
-    const float64 var_first_2 = larger(var_first_3 + HL_02 * g_first_2, R_0);
+    const float64 var_first_2 = var_first_3 + HL_02 * g_first_2;
     const float64 HL_01 = HL[1];
     const float64 D_pred_psi_beta = LD_pred[2];
     const float64 g_first_1 = HL_01 * D_pred_psi_beta;
-    const float64 var_first_1 = larger(var_first_2 + HL_01 * g_first_1, R_0);
+    const float64 var_first_1 = var_first_2 + HL_01 * g_first_1;
     const float64 D_pred_psi_alpha = LD_pred[0];
     const float64 HL_00 = HL[0];
-    const float64 var_first = larger(var_first_1 + D_pred_psi_alpha * HL_00 * HL_00, R_0);
+    const float64 var_first = var_first_1 + D_pred_psi_alpha * HL_00 * HL_00;
     const float64 D_pred_theta_per_var_first_3 = D_pred_theta / var_first_3;
     const float64 D_first_3 = R_0 * D_pred_theta_per_var_first_3;
     const float64 HL_13 = HL[7];
     const float64 g_second_3 = HL_13 * D_first_3;
     const float64 R_1 = R[1];
-    const float64 var_second_3 = larger(HL_13 * g_second_3 + R_1, R_1);
+    const float64 var_second_3 = HL_13 * g_second_3 + R_1;
     const float64 change_first_32 = HL_03 * HL_02 * D_pred_theta_per_var_first_3;
     const float64 HL_12 = HL[6];
     const float64 f_second_2 = HL_12 - HL_13 * change_first_32;
     const float64 one_per_var_first_2 = 1.0 / var_first_2;
     const float64 D_first_2 = var_first_3 * (D_pred_omega * one_per_var_first_2);
     const float64 g_second_2 = f_second_2 * D_first_2;
-    const float64 var_second_2 = larger(var_second_3 + f_second_2 * g_second_2, R_1);
+    const float64 var_second_2 = var_second_3 + f_second_2 * g_second_2;
     const float64 lambda_first_1 = HL_01 * one_per_var_first_2;
     const float64 gain_first_y2 = g_first_3 * HL_13 + g_first_2 * HL_12;
     const float64 HL_11 = HL[5];
@@ -630,16 +634,12 @@ static void ickf_finish(const float64 x_j[4], const float64 LD_pred[10], const f
     const float64 one_per_var_first_1 = 1.0 / var_first_1;
     const float64 D_first_1 = var_first_2 * (D_pred_psi_beta * one_per_var_first_1);
     const float64 g_second_1 = f_second_1 * D_first_1;
-    const float64 var_second_1 = larger(var_second_2 + f_second_1 * g_second_1, R_1);
+    const float64 var_second_1 = var_second_2 + f_second_1 * g_second_1;
     const float64 D_first_0 = D_pred_psi_alpha * var_first_1 / var_first;
     const float64 lambda_first_0 = HL_00 * one_per_var_first_1;
     const float64 HL_10 = HL[4];
     const float64 f_second_0 = HL_10 - lambda_first_0 * (gain_first_y2 + g_first_1 * HL_11);
-    const float64 var_second = larger(var_second_1 + D_first_0 * f_second_0 * f_second_0, R_1);
-
-    /* --- eq. 34: theta wrapped */
-    const float64 theta_j = x_j[3];
-    const float64 theta_new = wrap_angle(theta_j);
+    const float64 var_second = var_second_1 + D_first_0 * f_second_0 * f_second_0;
 
     /* --- eq. 32: L D L^T = P_new */
     const float64 D_new_psi_alpha = D_first_0 * var_second_1 / var_second;
@@ -673,11 +673,12 @@ static void ickf_finish(const float64 x_j[4], const float64 LD_pred[10], const f
     const float64 psi_alpha_j = x_j[0];
     const float64 psi_beta_j = x_j[1];
     const float64 omega_j = x_j[2];
+    const float64 theta_j = x_j[3];
 
     x_out[0] = psi_alpha_j;
     x_out[1] = psi_beta_j;
     x_out[2] = omega_j;
-    x_out[3] = theta_new;
+    x_out[3] = theta_j;
     LD_out[0] = D_new_psi_alpha;
     LD_out[1] = L_new_10;
     LD_out[2] = D_new_psi_beta;
@@ -711,7 +712,7 @@ static void coast(const float64 x_pred[4], const float64 LD_pred[10], float64 x_
     x_out[0] = psi_alpha_pred;
     x_out[1] = psi_beta_pred;
     x_out[2] = omega_pred;
-    x_out[3] = wrap_angle(theta_pred);
+    x_out[3] = theta_pred;
     LD_out[0] = D_pred_psi_alpha;
     LD_out[1] = L_pred_10;
     LD_out[2] = D_pred_psi_beta;
@@ -755,9 +756,12 @@ static void restart(ipmsm_flux_ickf_f64_t *f)
 {
     int i;
     static const int variance[N_STATES] = { 0, 2, 5, 9 }; /* its place among the words */
-    for (i = 0; i < N_WORDS; i++) {
-        f->LD[i] = 0.0;
-    }
+    f->LD[1] = 0.0;
+    f->LD[3] = 0.0;
+    f->LD[4] = 0.0;
+    f->LD[6] = 0.0;
+    f->LD[7] = 0.0;
+    f->LD[8] = 0.0;
     for (i = 0; i < N_STATES; i++) {
         f->x[i] = f->x_0[i];
         f->LD[variance[i]] = f->P_0[i];
@@ -809,16 +813,20 @@ int ipmsm_flux_ickf_f64_step(ipmsm_flux_ickf_f64_t *f, const float64 u[2], const
     float64 nis[1];
     float64 HL[8];
     float64 change[1];
-    const int u_good = within(u, f->u_max);
-    const int accepted = (u_good != 0) ? within(y, f->y_max) : 0;
-    int iterations = accepted;
+    int accepted = 0;
+    int iterations;
     int moving;
-    int status = (accepted != 0) ? 0 : PMSM_INPUT_REJECTED;
+    int status = PMSM_INPUT_REJECTED;
 
-    if (u_good != 0) {
+    if (within(u, f->u_max) != 0) {
         f->u_held[0] = u[0];
         f->u_held[1] = u[1];
+        if (within(y, f->y_max) != 0) {
+            accepted = 1;
+            status = 0;
+        }
     }
+    iterations = accepted;
     status |= time_update_turns(f->LD, turn);
     time_update(f->x, f->LD, f->Q, f->u_held, turn, x_pred, LD_pred, check);
     if (!((LD_pred[0] > f->Q[0]) && (LD_pred[2] > f->Q[1]) && (LD_pred[5] > f->Q[2]) &&
@@ -841,11 +849,15 @@ int ipmsm_flux_ickf_f64_step(ipmsm_flux_ickf_f64_t *f, const float64 u[2], const
     } else {
         coast(x_pred, LD_pred, f->x, f->LD);
     }
-    /* The sum of pivots, mean and states is no number if one of them is none. */
-    check[0] = check[0] + f->nis + f->x[0] + f->x[1] + f->x[2] + f->x[3];
-    if (((status & PMSM_COVARIANCE_REPAIRED) != 0) || !(check[0] * check[0] <= SANE_LIMIT * SANE_LIMIT) ||
-        !(f->nis < f->nis_max)) {
+    /* The sum of pivots, mean and states is no number if one of them is none; theta, wrapped, is always one.
+        */
+    check[0] = check[0] + f->nis + f->x[0] + f->x[1] + f->x[2];
+    if (!(check[0] * check[0] <= SANE_LIMIT * SANE_LIMIT) || !(f->nis < f->nis_max) ||
+        ((status & PMSM_COVARIANCE_REPAIRED) != 0)) {
         status = set_status_bits(f, status, check[0]);
+    }
+    if (!(f->x[3] * f->x[3] <= INSIDE)) {
+        f->x[3] = wrap_angle(f->x[3]);
     }
     f->iterations = iterations;
     return status;

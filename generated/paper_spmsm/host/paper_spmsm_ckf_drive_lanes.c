@@ -67,6 +67,8 @@
 #define ROUND 1.2582912e+07f
 /* The largest number below pi: wrapped angles stay in [-pi, pi). */
 #define BELOW_PI 3.1415925f
+/* Just below pi^2: an angle whose square is no larger is wrapped already. */
+#define INSIDE 9.8696f
 
 INLINE float32 smaller(float32 a, float32 b)
 {
@@ -84,7 +86,7 @@ INLINE float32 wrap_angle(float32 x)
     /* --- r = x - 2 pi turns, kept inside, where x is not inside itself */
     const float32 turns = x * 0.15915494f + ROUND - ROUND;
     const float32 r = x - turns * 6.283203f - turns * -1.781782e-05f;
-    return (larger(x, -x) <= 3.14159f) ? x : larger(smaller(r, BELOW_PI), -3.1415925f);
+    return (x * x <= INSIDE) ? x : larger(smaller(r, BELOW_PI), -3.1415925f);
 }
 
 /* --- one lane of a struct ------------------------------------------------------------------------------------ */
@@ -141,21 +143,21 @@ INLINE void turn_guess(const float32 guess[4], float32 guess_out[4])
 /* How far the angle turned, and how far it should have by the speed */
 INLINE void watch_turning(const float32 x[4], const float32 turning[5], float32 turning_out[5])
 {
-    const float32 omega = x[2];
     const float32 theta = x[3];
-    const float32 turned = turning[0];
-    const float32 stated = turning[1];
     const float32 theta_before = turning[2];
-    const float32 turned_now = turned + wrap_angle(theta - theta_before);
-    const float32 turn_now = TURN_PER_SAMPLE * omega;
-    const float32 stated_now = stated + turn_now;
+    const float32 moved_now = wrap_angle(theta - theta_before);
+    const float32 turned = turning[0];
+    const float32 turned_now = turned + moved_now;
+    const float32 stated = turning[1];
+    const float32 omega = x[2];
+    const float32 stated_now = stated + TURN_PER_SAMPLE * omega;
     const float32 off = turned_now - stated_now;
 
     turning_out[0] = turned_now;
     turning_out[1] = stated_now;
     turning_out[2] = theta;
     turning_out[3] = off * off - 0.25f * (stated_now * stated_now);
-    turning_out[4] = turn_now;
+    turning_out[4] = moved_now;
 }
 
 /* Direction and size of the current, and how it turned since the first reading */
@@ -163,12 +165,12 @@ static void read_current(const float32 phase[2], const float32 first[2], float32
 {
     const float32 i_a = phase[0];
     const float32 i_b = phase[1];
-    const float32 first_cosine = first[0];
-    const float32 first_sine = first[1];
     const float32 i_beta = ONE_BY_SQRT_3 * i_a + TWO_BY_SQRT_3 * i_b;
     const float32 size = PMSM_SQRT(larger(i_a * i_a + i_beta * i_beta, LEAST_SIZE));
     const float32 cosine = i_a / size;
     const float32 sine = i_beta / size;
+    const float32 first_cosine = first[0];
+    const float32 first_sine = first[1];
 
     reading_out[0] = cosine;
     reading_out[1] = sine;
@@ -179,18 +181,18 @@ static void read_current(const float32 phase[2], const float32 first[2], float32
 /* Where a current from zero voltage says that the rotor is */
 static void read_probe(const float32 reading[4], const float32 probe[2], float32 towards_out[4])
 {
-    const float32 i_cosine = reading[0];
-    const float32 i_sine = reading[1];
-    const float32 size = reading[2];
     const float32 direction = probe[0];
-    const float32 intervals = probe[1];
+    const float32 i_sine = reading[1];
     const float32 direction_times_i_sine = direction * i_sine;
     const float32 cosine = -direction_times_i_sine;
+    const float32 i_cosine = reading[0];
     const float32 sine = direction * i_cosine;
     const float32 along = larger(cosine, direction_times_i_sine);
     const float32 across = larger(sine, -sine);
     const float32 slope = (across - along) / larger(across + along, 0.5f);
     const float32 theta_first = QUARTER_PI + slope * (QUARTER_PI + ARC_BEND * (1.0f - larger(slope, -slope)));
+    const float32 size = reading[2];
+    const float32 intervals = probe[1];
 
     towards_out[0] = cosine;
     towards_out[1] = sine;
@@ -203,9 +205,9 @@ static void place_state(const float32 phase[2], const float32 guess[4], float32 
 {
     const float32 i_a = phase[0];
     const float32 i_b = phase[1];
+    const float32 i_beta = ONE_BY_SQRT_3 * i_a + TWO_BY_SQRT_3 * i_b;
     const float32 omega = guess[2];
     const float32 theta = guess[3];
-    const float32 i_beta = ONE_BY_SQRT_3 * i_a + TWO_BY_SQRT_3 * i_b;
 
     guess_out[0] = i_a;
     guess_out[1] = i_beta;
@@ -358,6 +360,9 @@ static void start_filter(paper_spmsm_ckf_supervisor_lanes_t *s, paper_spmsm_ckf_
     f->x[PAPER_SPMSM_CKF_I_BETA].of[lane] = s->guess[1].of[lane];
     f->x[PAPER_SPMSM_CKF_OMEGA].of[lane] = s->guess[2].of[lane];
     f->x[PAPER_SPMSM_CKF_THETA].of[lane] = s->guess[3].of[lane];
+    if (!(f->x[PAPER_SPMSM_CKF_THETA].of[lane] * f->x[PAPER_SPMSM_CKF_THETA].of[lane] <= INSIDE)) {
+        f->x[PAPER_SPMSM_CKF_THETA].of[lane] = wrap_angle(f->x[PAPER_SPMSM_CKF_THETA].of[lane]);
+    }
     f->LD[PAPER_SPMSM_CKF_LD_OMEGA].of[lane] = s->spread[0].of[lane];
     f->LD[PAPER_SPMSM_CKF_LD_THETA].of[lane] = s->spread[1].of[lane];
 }
@@ -442,11 +447,15 @@ static void watch(paper_spmsm_ckf_supervisor_lanes_t *__restrict s,
         int miss_14;
         float32 turning_new[5];
         int hit_15;
+        int miss_15;
         int hit_16;
         int hit_17;
         int hit_18;
         int hit_19;
-        int miss_19;
+        int hit_20;
+        int hit_21;
+        int hit_22;
+        int miss_22;
         since = s->since[lane];
         probe[0] = s->probe[0].of[lane];
         probe[1] = s->probe[1].of[lane];
@@ -535,6 +544,7 @@ static void watch(paper_spmsm_ckf_supervisor_lanes_t *__restrict s,
         turning[3] = (hit_11 != 0) ? turning_new[3] : turning[3];
         turning[4] = (hit_11 != 0) ? turning_new[4] : turning[4];
         hit_15 = hit_11 & ((phase[0] * phase[0] > PROBE_SQUARED) | (phase[1] * phase[1] > PROBE_SQUARED));
+        miss_15 = hit_11 & !((phase[0] * phase[0] > PROBE_SQUARED) | (phase[1] * phase[1] > PROBE_SQUARED));
         silent[0] = (hit_15 != 0) ? silent[0] + turning[4] : silent[0];
         hit_16 = hit_15 & (phase[0] * phase[0] > ZERO_SQUARED);
         silent[0] = (hit_16 != 0) ? 0.0f : silent[0];
@@ -544,12 +554,21 @@ static void watch(paper_spmsm_ckf_supervisor_lanes_t *__restrict s,
         silent[2] = (hit_15 != 0) ? silent[2] + turning[4] : silent[2];
         hit_18 = hit_15 & ((phase[0] + phase[1]) * (phase[0] + phase[1]) > ZERO_SQUARED);
         silent[2] = (hit_18 != 0) ? 0.0f : silent[2];
-        hit_19 = hit_11 & ((silent[0] * silent[0] >= SILENT_TURN_SQUARED) |
+        silent[0] = (miss_15 != 0) ? silent[0] - 0.25f * turning[4] : silent[0];
+        hit_19 = miss_15 & (silent[0] * turning[4] < 0.0f);
+        silent[0] = (hit_19 != 0) ? 0.0f : silent[0];
+        silent[1] = (miss_15 != 0) ? silent[1] - 0.25f * turning[4] : silent[1];
+        hit_20 = miss_15 & (silent[1] * turning[4] < 0.0f);
+        silent[1] = (hit_20 != 0) ? 0.0f : silent[1];
+        silent[2] = (miss_15 != 0) ? silent[2] - 0.25f * turning[4] : silent[2];
+        hit_21 = miss_15 & (silent[2] * turning[4] < 0.0f);
+        silent[2] = (hit_21 != 0) ? 0.0f : silent[2];
+        hit_22 = hit_11 & ((silent[0] * silent[0] >= SILENT_TURN_SQUARED) |
             (silent[1] * silent[1] >= SILENT_TURN_SQUARED) | (silent[2] * silent[2] >= SILENT_TURN_SQUARED));
-        miss_19 = hit_11 & !((silent[0] * silent[0] >= SILENT_TURN_SQUARED) |
+        miss_22 = hit_11 & !((silent[0] * silent[0] >= SILENT_TURN_SQUARED) |
             (silent[1] * silent[1] >= SILENT_TURN_SQUARED) | (silent[2] * silent[2] >= SILENT_TURN_SQUARED));
-        open += (hit_19 & (open < MAX_OPEN)) ? 1 : 0;
-        open = (miss_19 != 0) ? 0 : open;
+        open += (hit_22 & (open < MAX_OPEN)) ? 1 : 0;
+        open = (miss_22 != 0) ? 0 : open;
         s->since[lane] = since;
         s->probe[0].of[lane] = probe[0];
         s->probe[1].of[lane] = probe[1];

@@ -41,6 +41,7 @@ typedef struct {
     int side[LANES];
     int windows[LANES];
     int good[LANES];
+    lanes asked[1];
     servo_24v_ckf_lanes_t rival;
     int taken[LANES]; /* what servo_24v_ckf_supervise returns */
 } servo_24v_ckf_supervisor_lanes_t;

@@ -41,6 +41,7 @@ typedef struct {
     int side[LANES];
     int windows[LANES];
     int good[LANES];
+    lanes asked[1];
     spmsm_adaptive_ckf_lanes_t rival;
     int taken[LANES]; /* what spmsm_adaptive_ckf_supervise returns */
 } spmsm_adaptive_ckf_supervisor_lanes_t;

@@ -41,6 +41,7 @@ typedef struct {
     int side[LANES];
     int windows[LANES];
     int good[LANES];
+    lanes asked[1];
     spmsm_load_torque_ickf_lanes_t rival;
     int taken[LANES]; /* what spmsm_load_torque_ickf_supervise returns */
 } spmsm_load_torque_ickf_supervisor_lanes_t;

@@ -78,6 +78,8 @@
 #define ROUND 6755399441055744.0
 /* The largest number below pi: wrapped angles stay in [-pi, pi). */
 #define BELOW_PI 3.1415926535897927
+/* Just below pi^2: an angle whose square is no larger is wrapped already. */
+#define INSIDE 9.8696
 
 typedef struct {
     float64 sine;
@@ -197,11 +199,11 @@ static float64 wrap_angle(float64 x)
     /* --- r = x - 2 pi turns, kept inside, where x is not inside itself */
     const float64 turns = x * 0.15915494309189535 + ROUND - ROUND;
     const float64 r = x - turns * 6.2831853069365025 - turns * 2.430840202602477e-10;
-    return (larger(x, -x) <= 3.14159) ? x : larger(smaller(r, BELOW_PI), -3.1415926535897927);
+    return (x * x <= INSIDE) ? x : larger(smaller(r, BELOW_PI), -3.1415926535897927);
 }
 
-/* Both values are numbers within +-limit; NaN and infinity are not. Rounded squares stand in the order of the values
- * for limits of 1e-18 .. 1e18, so that one comparison says both sides. */
+/* Both values are numbers within +-limit; NaN and infinity are not. Rounded squares stand in the order of the values,
+ * so that one comparison says both sides. */
 static int within(const float64 value[2], float64 limit)
 {
     const float64 most = limit * limit;
@@ -294,7 +296,8 @@ static void time_update(const float64 x[5], const float64 LD[15], const float64 
     const float64 theta = x[3];
     const float64 theta_mid = HALF_T * omega_e + theta;
     const float64 odd_theta_mid_0 = 1.0 + HALF_T * odd_omega_e_0;
-    const pmsm_pair_f64 sincos_theta_mid = sin_cos(theta_mid);
+    const float64 theta_mid_wrapped = wrap_angle(theta_mid);
+    const pmsm_pair_f64 sincos_theta_mid = sin_cos(theta_mid_wrapped);
     const float64 sin_theta_mid = sincos_theta_mid.sine;
     const float64 cos_theta_mid = sincos_theta_mid.cosine;
     const float64 psi_alpha = x[0];
@@ -344,15 +347,15 @@ static void time_update(const float64 x[5], const float64 LD[15], const float64 
     const float64 psi_q_between = 0.5 * (psi_q_mid + psi_q_next);
     const float64 even_psi_q_between_0 = 0.5 * (even_psi_q_mid_0 + even_psi_q_next_0);
     const float64 odd_psi_q_between_0 = 0.5 * (odd_psi_q_mid_0 + odd_psi_q_next_0);
-    const float64 part_of_even_torque_0 = GAIN_TORQUE_INV_L_D_PSI_M - psi_d_between * GAIN_TORQUE_SALIENCY;
-    const float64 part_of_even_torque_0_2 = GAIN_TORQUE_SALIENCY_BY2 * (even_psi_d_mid_0 + even_psi_d_next_0);
+    const float64 part_of_omega_pred = GAIN_TORQUE_INV_L_D_PSI_M - GAIN_TORQUE_SALIENCY * psi_d_between;
+    const float64 part_of_even_torque_0 = GAIN_TORQUE_SALIENCY_BY2 * (even_psi_d_mid_0 + even_psi_d_next_0);
     const float64 total_psi_q_between_0 = psi_q_between + even_psi_q_between_0;
     const float64 odd_psi_d_mid_and_next_0_scaled =
         GAIN_TORQUE_SALIENCY_BY2 * (odd_psi_d_mid_0 + odd_psi_d_next_0);
-    const float64 even_torque_0 = part_of_even_torque_0 * even_psi_q_between_0 -
-        part_of_even_torque_0_2 * total_psi_q_between_0 -
+    const float64 even_torque_0 = part_of_omega_pred * even_psi_q_between_0 -
+        part_of_even_torque_0 * total_psi_q_between_0 -
         n_D_0 * odd_psi_d_mid_and_next_0_scaled * odd_psi_q_between_0;
-    const float64 odd_torque_0 = odd_psi_q_between_0 * (part_of_even_torque_0 - part_of_even_torque_0_2) -
+    const float64 odd_torque_0 = odd_psi_q_between_0 * (part_of_omega_pred - part_of_even_torque_0) -
         total_psi_q_between_0 * odd_psi_d_mid_and_next_0_scaled;
     const float64 D_omega = LD[2];
     const float64 n_D_1 = 5.0 * D_omega;
@@ -386,10 +389,10 @@ static void time_update(const float64 x[5], const float64 LD[15], const float64 
     const float64 total_psi_q_between_1 = psi_q_between + even_psi_q_between_1;
     const float64 odd_psi_d_mid_and_next_1_scaled =
         GAIN_TORQUE_SALIENCY_BY2 * (odd_psi_d_mid_1 + odd_psi_d_next_1);
-    const float64 even_torque_1 = part_of_even_torque_0 * even_psi_q_between_1 -
+    const float64 even_torque_1 = part_of_omega_pred * even_psi_q_between_1 -
         part_of_even_torque_1 * total_psi_q_between_1 -
         n_D_1 * odd_psi_d_mid_and_next_1_scaled * odd_psi_q_between_1;
-    const float64 odd_torque_1 = odd_psi_q_between_1 * (part_of_even_torque_0 - part_of_even_torque_1) -
+    const float64 odd_torque_1 = odd_psi_q_between_1 * (part_of_omega_pred - part_of_even_torque_1) -
         total_psi_q_between_1 * odd_psi_d_mid_and_next_1_scaled;
     const float64 L_32 = LD[8];
     const float64 odd_psi_d_mid_2 = cos_theta_mid + sin_theta_mid * L_32;
@@ -399,13 +402,13 @@ static void time_update(const float64 x[5], const float64 LD[15], const float64 
     const float64 odd_psi_q_between_2 = 0.5 * (odd_psi_q_mid_2 + odd_psi_q_next_2);
     const float64 odd_psi_d_mid_plus_next_2 = odd_psi_d_mid_2 + odd_psi_d_next_2;
     const float64 psi_q_between_scaled = psi_q_between * GAIN_TORQUE_SALIENCY_BY2;
-    const float64 odd_torque_2 = part_of_even_torque_0 * odd_psi_q_between_2 -
+    const float64 odd_torque_2 = part_of_omega_pred * odd_psi_q_between_2 -
         odd_psi_d_mid_plus_next_2 * psi_q_between_scaled;
     const float64 odd_psi_d_next_3 = sin_theta_mid * ONE_MINUS_LOSS_D;
     const float64 odd_psi_q_next_3 = cos_theta_mid * ONE_MINUS_LOSS_Q;
     const float64 odd_psi_q_between_3 = 0.5 * (cos_theta_mid + odd_psi_q_next_3);
     const float64 part_of_curv_omega_sum = sin_theta_mid + odd_psi_d_next_3;
-    const float64 odd_torque_3 = part_of_even_torque_0 * odd_psi_q_between_3 -
+    const float64 odd_torque_3 = part_of_omega_pred * odd_psi_q_between_3 -
         part_of_curv_omega_sum * psi_q_between_scaled;
     const float64 total_psi_d_next_0 = psi_d_next + even_psi_d_next_0;
     const float64 even_psi_alpha_next_0 = even_psi_d_next_0 + cosm1_theta_mid_0 * total_psi_d_next_0 -
@@ -438,53 +441,51 @@ static void time_update(const float64 x[5], const float64 LD[15], const float64 
 
     /* --- eq. 17: G: by how much a wrong datum moves f, so that Q_p = G G^T, turned */
     const float64 G_psi_alpha_R = v_d * SIGMA_R_GAIN_D - psi_d_mid_minus_m * SIGMA_R_LOSS_D;
-    const float64 theta_minus_theta_mid = theta - theta_mid;
-    const pmsm_pair_f64 sincos_theta_minus_theta_mid = sin_cos(theta_minus_theta_mid);
-    const float64 sin_theta_minus_theta_mid = sincos_theta_minus_theta_mid.sine;
-    const float64 cos_theta_minus_theta_mid = sincos_theta_minus_theta_mid.cosine;
-    const float64 part_of_G_omega_L_d = SALIENCY * (psi_d_mid * cos_theta_minus_theta_mid +
-        psi_q_mid * sin_theta_minus_theta_mid) - INV_L_D_PSI_M;
-    const float64 part_of_G_omega_L_d_3 = psi_d_mid * INV_L_Q +
-        cos_theta_minus_theta_mid * part_of_G_omega_L_d;
-    const float64 part_of_G_omega_L_d_2 = psi_q_mid * INV_L_Q +
-        sin_theta_minus_theta_mid * part_of_G_omega_L_d;
-    const float64 i_d = cos_theta_minus_theta_mid * part_of_G_omega_L_d_3 +
-        sin_theta_minus_theta_mid * part_of_G_omega_L_d_2;
-    const float64 sin_theta_minus_theta_mid_x_i_d = sin_theta_minus_theta_mid * i_d;
+    const float64 part_of_G_omega_L_d = wrap_angle(theta - theta_mid);
+    const pmsm_pair_f64 sincos_part_of_G_omega_L_d = sin_cos(part_of_G_omega_L_d);
+    const float64 sin_part_of_G_omega_L_d = sincos_part_of_G_omega_L_d.sine;
+    const float64 cos_part_of_G_omega_L_d = sincos_part_of_G_omega_L_d.cosine;
+    const float64 part_of_G_omega_L_d_2 = SALIENCY * (psi_d_mid * cos_part_of_G_omega_L_d +
+        psi_q_mid * sin_part_of_G_omega_L_d) - INV_L_D_PSI_M;
+    const float64 part_of_G_omega_L_d_4 = psi_d_mid * INV_L_Q +
+        cos_part_of_G_omega_L_d * part_of_G_omega_L_d_2;
+    const float64 part_of_G_omega_L_d_3 = psi_q_mid * INV_L_Q +
+        sin_part_of_G_omega_L_d * part_of_G_omega_L_d_2;
+    const float64 i_d = cos_part_of_G_omega_L_d * part_of_G_omega_L_d_4 +
+        sin_part_of_G_omega_L_d * part_of_G_omega_L_d_3;
+    const float64 part_of_G_omega_L_d_6 = sin_part_of_G_omega_L_d * i_d;
     const float64 omega_e_times_sample_time = omega_e * SAMPLE_TIME;
     const float64 part_of_G_psi_alpha_L_d = SIGMA_L_D * omega_e_times_sample_time;
-    const float64 G_psi_alpha_L_d = sin_theta_minus_theta_mid_x_i_d * part_of_G_psi_alpha_L_d;
-    const float64 i_q = cos_theta_minus_theta_mid * part_of_G_omega_L_d_2 -
-        sin_theta_minus_theta_mid * part_of_G_omega_L_d_3;
-    const float64 cos_theta_minus_theta_mid_x_i_q = cos_theta_minus_theta_mid * i_q;
+    const float64 G_psi_alpha_L_d = part_of_G_omega_L_d_6 * part_of_G_psi_alpha_L_d;
+    const float64 i_q = cos_part_of_G_omega_L_d * part_of_G_omega_L_d_3 -
+        sin_part_of_G_omega_L_d * part_of_G_omega_L_d_4;
+    const float64 part_of_P_pred_32_2 = cos_part_of_G_omega_L_d * i_q;
     const float64 part_of_G_psi_alpha_L_q = SIGMA_L_Q * omega_e_times_sample_time;
-    const float64 G_psi_alpha_L_q = cos_theta_minus_theta_mid_x_i_q * part_of_G_psi_alpha_L_q;
+    const float64 G_psi_alpha_L_q = part_of_P_pred_32_2 * part_of_G_psi_alpha_L_q;
     const float64 part_of_G_psi_alpha_psi_m = SIGMA_PSI_M * omega_e_times_sample_time;
-    const float64 G_psi_alpha_psi_m = sin_theta_minus_theta_mid * part_of_G_psi_alpha_psi_m;
+    const float64 G_psi_alpha_psi_m = sin_part_of_G_omega_L_d * part_of_G_psi_alpha_psi_m;
     const float64 unsure = g[2];
     const float64 sigma_loss_times_unsure = SIGMA_LOSS * unsure;
     const float64 G_psi_alpha_loss_along = GAIN_D * sigma_loss_times_unsure;
     const float64 G_psi_beta_R = v_q * SIGMA_R_GAIN_Q - psi_q_mid * SIGMA_R_LOSS_Q +
         omega_e_times_psi_m * SIGMA_R_MAGNET_TURN;
-    const float64 sin_theta_minus_theta_mid_x_i_q = sin_theta_minus_theta_mid * i_q;
-    const float64 G_psi_beta_L_q = sin_theta_minus_theta_mid_x_i_q * part_of_G_psi_alpha_L_q;
+    const float64 part_of_P_pred_32 = sin_part_of_G_omega_L_d * i_q;
+    const float64 G_psi_beta_L_q = part_of_P_pred_32 * part_of_G_psi_alpha_L_q;
     const float64 G_psi_beta_loss_across = GAIN_Q * sigma_loss_times_unsure;
     const float64 psi_q_between_scaled_2 = psi_q_between * GAIN_TORQUE_SALIENCY;
-    const float64 G_omega_R = GAIN_OMEGA_BY2 * (part_of_even_torque_0 * G_psi_beta_R -
+    const float64 G_omega_R = GAIN_OMEGA_BY2 * (part_of_omega_pred * G_psi_beta_R -
         psi_q_between_scaled_2 * G_psi_alpha_R);
-    const float64 cos_theta_minus_theta_mid_x_i_d = cos_theta_minus_theta_mid * i_d;
-    const float64 G_omega_L_d =
-        GAIN_OMEGA_GAIN_TQ_SIGMA_L_D * (part_of_G_omega_L_d_2 * cos_theta_minus_theta_mid_x_i_d -
-        part_of_G_omega_L_d_3 * sin_theta_minus_theta_mid_x_i_d);
+    const float64 part_of_G_omega_L_d_5 = cos_part_of_G_omega_L_d * i_d;
+    const float64 G_omega_L_d = GAIN_OMEGA_GAIN_TQ_SIGMA_L_D * (part_of_G_omega_L_d_3 * part_of_G_omega_L_d_5
+        - part_of_G_omega_L_d_4 * part_of_G_omega_L_d_6);
     const float64 G_omega_psi_m = GAIN_OMEGA_GAIN_TQ_SIGMA_PSI_M * i_q;
     const float64 g_alpha = g[0];
     const float64 g_beta = g[1];
     const float64 part_of_G_omega_V_d = GAIN_D * (cos_theta_mid * g_alpha + sin_theta_mid * g_beta);
     const float64 part_of_G_omega_V_d_2 = GAIN_Q * (cos_theta_mid * g_beta - sin_theta_mid * g_alpha);
     const float64 G_omega_V_d = GAIN_OMEGA_SIGMA_V_D_BY2 * (psi_q_between_scaled_2 * part_of_G_omega_V_d -
-        part_of_even_torque_0 * part_of_G_omega_V_d_2);
-    const float64 G_omega_loss_across =
-        GAIN_OMEGA_GAIN_Q_BY2 * part_of_even_torque_0 * sigma_loss_times_unsure;
+        part_of_omega_pred * part_of_G_omega_V_d_2);
+    const float64 G_omega_loss_across = GAIN_OMEGA_GAIN_Q_BY2 * part_of_omega_pred * sigma_loss_times_unsure;
 
     /* --- eq. 17: P_pred = mean (X_i' - x_pred)(X_i' - x_pred)^T + Q + Q_p; eq. 18: L D L^T = P_pred */
     const float64 D_odd_omega_0 = D_theta * odd_omega_next_0;
@@ -502,27 +503,27 @@ static void time_update(const float64 x[5], const float64 LD[15], const float64 
     const float64 curv_omega_sum = even_torque_0 + even_torque_1 - minus_even_torque_2 - minus_even_torque_3;
     const float64 curv_omega_mean = PAIR_WEIGHT * curv_omega_sum;
     const float64 minus_G_omega_L_q =
-        GAIN_OMEGA_GAIN_TQ_SIGMA_L_Q * (part_of_G_omega_L_d_2 * sin_theta_minus_theta_mid_x_i_q +
-        part_of_G_omega_L_d_3 * cos_theta_minus_theta_mid_x_i_q);
+        GAIN_OMEGA_GAIN_TQ_SIGMA_L_Q * (part_of_G_omega_L_d_3 * part_of_P_pred_32 +
+        part_of_G_omega_L_d_4 * part_of_P_pred_32_2);
     const float64 minus_G_omega_loss_along =
         G_D_G_OMEGA_G_TQ_SAL_BY2 * psi_q_between * sigma_loss_times_unsure;
-    const float64 part_of_P_pred_32 = odd_omega_next_0 * D_odd_omega_0 + odd_omega_next_1 * D_odd_omega_1 +
+    const float64 part_of_P_pred_32_3 = odd_omega_next_0 * D_odd_omega_0 + odd_omega_next_1 * D_odd_omega_1 +
         odd_omega_next_2 * D_odd_omega_2 + odd_omega_next_3 * D_odd_omega_3 + GAIN_OMEGA * minus_D_odd_omega_4
         + GAIN_OMEGA_SQ * (PAIR_WEIGHT * (even_torque_0 * even_torque_0 + even_torque_1 * even_torque_1 +
         minus_even_torque_2 * minus_even_torque_2 + minus_even_torque_3 * minus_even_torque_3) -
         curv_omega_mean * curv_omega_mean) + G_omega_R * G_omega_R + G_omega_L_d * G_omega_L_d +
         minus_G_omega_L_q * minus_G_omega_L_q + G_omega_psi_m * G_omega_psi_m + G_omega_V_d * G_omega_V_d +
         minus_G_omega_loss_along * minus_G_omega_loss_along + G_omega_loss_across * G_omega_loss_across;
-    const float64 part_of_P_pred_32_2 = odd_theta_mid_0 * D_odd_omega_0 + HALF_T_POLE_PAIRS * D_odd_omega_1;
-    const float64 P_pred_32 = HALF_T_POLE_PAIRS * part_of_P_pred_32 + part_of_P_pred_32_2;
+    const float64 part_of_P_pred_32_4 = odd_theta_mid_0 * D_odd_omega_0 + HALF_T_POLE_PAIRS * D_odd_omega_1;
+    const float64 P_pred_32 = HALF_T_POLE_PAIRS * part_of_P_pred_32_3 + part_of_P_pred_32_4;
     const float64 Q_3 = Q[3];
-    const float64 P_pred_33 = HALF_T_POLE_PAIRS * (P_pred_32 + part_of_P_pred_32_2 +
+    const float64 P_pred_33 = HALF_T_POLE_PAIRS * (P_pred_32 + part_of_P_pred_32_4 +
         D_omega * HALF_T_POLE_PAIRS) + D_theta * odd_theta_mid_0 * odd_theta_mid_0 + Q_3;
     const float64 D_pred_theta = larger(P_pred_33, Q_3);
     const float64 inv_D_pred_theta = 1.0 / D_pred_theta;
     const float64 L_pred_10 = P_pred_32 * inv_D_pred_theta;
     const float64 Q_2 = Q[2];
-    const float64 P_pred_22 = part_of_P_pred_32 + Q_2;
+    const float64 P_pred_22 = part_of_P_pred_32_3 + Q_2;
     const float64 D_pred_omega = larger(P_pred_22 - P_pred_32 * L_pred_10, Q_2);
     const float64 curv_psi_alpha_sum = even_psi_alpha_next_0 + even_psi_alpha_next_1;
     const float64 curv_psi_alpha_mean = curv_psi_alpha_sum * PAIR_WEIGHT;
@@ -540,8 +541,8 @@ static void time_update(const float64 x[5], const float64 LD[15], const float64 
         odd_theta_mid_0 * D_odd_psi_alpha_0;
     const float64 curv_psi_beta_sum = even_psi_beta_next_0 + even_psi_beta_next_1;
     const float64 curv_psi_beta_mean = PAIR_WEIGHT * curv_psi_beta_sum;
-    const float64 minus_G_psi_beta_L_d = cos_theta_minus_theta_mid_x_i_d * part_of_G_psi_alpha_L_d;
-    const float64 minus_G_psi_beta_psi_m = cos_theta_minus_theta_mid * part_of_G_psi_alpha_psi_m;
+    const float64 minus_G_psi_beta_L_d = part_of_G_omega_L_d_5 * part_of_G_psi_alpha_L_d;
+    const float64 minus_G_psi_beta_psi_m = cos_part_of_G_omega_L_d * part_of_G_psi_alpha_psi_m;
     const float64 minus_G_psi_beta_V_d = SIGMA_V_D * part_of_G_omega_V_d_2;
     const float64 P_turned_21 = D_odd_omega_0 * odd_psi_beta_next_0 + D_odd_omega_1 * odd_psi_beta_next_1 +
         odd_psi_q_next_2 * D_odd_omega_2 + odd_psi_q_next_3 * D_odd_omega_3 +
@@ -641,8 +642,8 @@ static void time_update(const float64 x[5], const float64 LD[15], const float64 
     const float64 psi_alpha_pred = cos_theta_mid * psi_alpha_mean - sin_theta_mid * psi_beta_mean;
     const float64 psi_beta_pred = sin_theta_mid * psi_alpha_mean + cos_theta_mid * psi_beta_mean;
     const float64 load_torque = x[4];
-    const float64 omega_of_x = (GAIN_TORQUE_INV_L_D_PSI_M -
-        GAIN_TORQUE_SALIENCY * psi_d_between) * GAIN_OMEGA * psi_q_between - GAIN_OMEGA * load_torque + omega;
+    const float64 omega_of_x = part_of_omega_pred * GAIN_OMEGA * psi_q_between - GAIN_OMEGA * load_torque +
+        omega;
     const float64 omega_pred = omega_of_x + offset_omega;
     const float64 theta_pred = theta_mid + omega_of_x * HALF_T_POLE_PAIRS + offset_theta;
 
@@ -699,7 +700,8 @@ static void ckf_measurement_update(const float64 x_pred[5], const float64 LD_pre
 {
     /* --- eq. 20: along column c the image is base + even_c +- s_c odd_c, s_c^2 = n D_c */
     const float64 theta_pred = x_pred[3];
-    const pmsm_pair_f64 sincos_theta_pred = sin_cos(theta_pred);
+    const float64 theta_pred_wrapped = wrap_angle(theta_pred);
+    const pmsm_pair_f64 sincos_theta_pred = sin_cos(theta_pred_wrapped);
     const float64 sin_theta_pred = sincos_theta_pred.sine;
     const float64 cos_theta_pred = sincos_theta_pred.cosine;
     const float64 psi_alpha_pred = x_pred[0];
@@ -752,7 +754,7 @@ static void ckf_measurement_update(const float64 x_pred[5], const float64 LD_pre
     const float64 noise_10 = cos_theta_pred * sin_theta_pred * (R_1 - R_0) +
         even_y_i_alpha_0 * (curv_y_i_beta_mean - part_of_curv_y_i_beta_mean * PAIR_WEIGHT_SQ_SALIENCY_X5);
 
-    /* --- eq. 25: y - y_pred, in the rotor's frame; theta wrapped */
+    /* --- eq. 25: y - y_pred, in the rotor's frame */
     const float64 i_alpha_meas = y[0];
     const float64 i_beta_meas = y[1];
     const float64 innovation_i_alpha = cos_theta_pred * i_alpha_meas + sin_theta_pred * i_beta_meas -
@@ -763,17 +765,17 @@ static void ckf_measurement_update(const float64 x_pred[5], const float64 LD_pre
     const float64 HL_03 = INV_L_Q_PLUS_SALIENCY * sin_theta_pred;
     const float64 D_pred_psi_beta = LD_pred[9];
     const float64 g_first_3 = HL_03 * D_pred_psi_beta;
-    const float64 var_first_3 = larger(noise_00 + HL_03 * g_first_3, noise_00);
+    const float64 var_first_3 = noise_00 + HL_03 * g_first_3;
     const float64 HL_02 = INV_L_Q_PLUS_SALIENCY * odd_psi_d_pred_2;
     const float64 D_pred_psi_alpha = LD_pred[5];
     const float64 g_first_2 = D_pred_psi_alpha * HL_02;
-    const float64 var_first_2 = larger(var_first_3 + HL_02 * g_first_2, noise_00);
+    const float64 var_first_2 = var_first_3 + HL_02 * g_first_2;
     const float64 HL_01 = INV_L_Q_PLUS_SALIENCY * odd_psi_d_pred_1;
     const float64 D_pred_omega = LD_pred[2];
     const float64 g_first_1 = D_pred_omega * HL_01;
-    const float64 var_first_1 = larger(var_first_2 + HL_01 * g_first_1, noise_00);
+    const float64 var_first_1 = var_first_2 + HL_01 * g_first_1;
     const float64 g_first_0 = D_pred_theta * odd_y_i_alpha_0;
-    const float64 var_first = larger(var_first_1 + odd_y_i_alpha_0 * g_first_0, noise_00);
+    const float64 var_first = var_first_1 + odd_y_i_alpha_0 * g_first_0;
     const float64 one_per_var_first = 1.0 / var_first;
     const float64 nu_by_var_first = innovation_i_alpha * one_per_var_first;
     const float64 HL_13_apart = odd_y_i_beta_3 - HL_03 * noise_10_per_noise_00;
@@ -790,25 +792,25 @@ static void ckf_measurement_update(const float64 x_pred[5], const float64 LD_pre
     const float64 D_pred_psi_beta_per_var_first_3 = D_pred_psi_beta / var_first_3;
     const float64 D_first_3 = noise_00 * D_pred_psi_beta_per_var_first_3;
     const float64 g_second_3 = HL_13_apart * D_first_3;
-    const float64 var_second_3 = larger(R_second + HL_13_apart * g_second_3, R_second);
+    const float64 var_second_3 = R_second + HL_13_apart * g_second_3;
     const float64 change_first_32 =
         sin_theta_pred * (odd_psi_d_pred_2 * INV_L_Q_PLUS_SALIENCY_SQ) * D_pred_psi_beta_per_var_first_3;
     const float64 f_second_2 = HL_12_apart - HL_13_apart * change_first_32;
     const float64 one_per_var_first_2 = 1.0 / var_first_2;
     const float64 D_first_2 = var_first_3 * (D_pred_psi_alpha * one_per_var_first_2);
     const float64 g_second_2 = D_first_2 * f_second_2;
-    const float64 var_second_2 = larger(var_second_3 + f_second_2 * g_second_2, R_second);
+    const float64 var_second_2 = var_second_3 + f_second_2 * g_second_2;
     const float64 lambda_first_1 = HL_01 * one_per_var_first_2;
     const float64 f_second_1 = HL_11_apart - lambda_first_1 * gain_first_y2;
     const float64 one_per_var_first_1 = 1.0 / var_first_1;
     const float64 D_first_1 = var_first_2 * (D_pred_omega * one_per_var_first_1);
     const float64 g_second_1 = D_first_1 * f_second_1;
-    const float64 var_second_1 = larger(var_second_2 + f_second_1 * g_second_1, R_second);
+    const float64 var_second_1 = var_second_2 + f_second_1 * g_second_1;
     const float64 lambda_first_0 = odd_y_i_alpha_0 * one_per_var_first_1;
     const float64 f_second_0 = HL_10_apart - lambda_first_0 * gain_first_y1;
     const float64 D_first_0 = var_first_1 * (D_pred_theta * one_per_var_first);
     const float64 g_second_0 = D_first_0 * f_second_0;
-    const float64 var_second = larger(var_second_1 + f_second_0 * g_second_0, R_second);
+    const float64 var_second = var_second_1 + f_second_0 * g_second_0;
     const float64 gain_first_21 = g_first_2 + L_pred_21 * g_first_1;
     const float64 L_first_21 = L_pred_21 - g_first_2 * lambda_first_1;
     const float64 gain_second_21 = g_second_2 + L_first_21 * g_second_1;
@@ -831,8 +833,7 @@ static void ckf_measurement_update(const float64 x_pred[5], const float64 LD_pre
     const float64 omega_pred = x_pred[2];
     const float64 omega_new = nu_by_var_first * (g_first_1 + g_first_0 * L_pred_10) +
         nu_by_var_second * (g_second_1 + g_second_0 * L_first_10) + omega_pred;
-    const float64 theta_new = wrap_angle(g_first_0 * nu_by_var_first + g_second_0 * nu_by_var_second +
-        theta_pred);
+    const float64 theta_new = g_first_0 * nu_by_var_first + g_second_0 * nu_by_var_second + theta_pred;
     const float64 L_pred_43 = LD_pred[13];
     const float64 L_pred_42 = LD_pred[12];
     const float64 gain_first_42 = g_first_3 * L_pred_43 + g_first_2 * L_pred_42;
@@ -923,7 +924,7 @@ static void coast(const float64 x_pred[5], const float64 LD_pred[15], float64 x_
     x_out[0] = psi_alpha_pred;
     x_out[1] = psi_beta_pred;
     x_out[2] = omega_pred;
-    x_out[3] = wrap_angle(theta_pred);
+    x_out[3] = theta_pred;
     x_out[4] = load_torque_pred;
     LD_out[0] = D_pred_theta;
     LD_out[1] = L_pred_10;
@@ -976,9 +977,16 @@ static void restart(traction_70kw_ckf_f64_t *f)
 {
     int i;
     static const int variance[N_STATES] = { 5, 9, 2, 0, 14 }; /* its place among the words */
-    for (i = 0; i < N_WORDS; i++) {
-        f->LD[i] = 0.0;
-    }
+    f->LD[1] = 0.0;
+    f->LD[3] = 0.0;
+    f->LD[4] = 0.0;
+    f->LD[6] = 0.0;
+    f->LD[7] = 0.0;
+    f->LD[8] = 0.0;
+    f->LD[10] = 0.0;
+    f->LD[11] = 0.0;
+    f->LD[12] = 0.0;
+    f->LD[13] = 0.0;
     for (i = 0; i < N_STATES; i++) {
         f->x[i] = f->x_0[i];
         f->LD[variance[i]] = f->P_0[i];
@@ -1030,15 +1038,19 @@ int traction_70kw_ckf_f64_step(traction_70kw_ckf_f64_t *f, const float64 u[2], c
     float64 check[1];
     float64 turn_pred[2];
     float64 nis[1];
-    const int u_good = within(u, f->u_max);
-    const int accepted = (u_good != 0) ? within(y, f->y_max) : 0;
-    int iterations = accepted;
-    int status = (accepted != 0) ? 0 : PMSM_INPUT_REJECTED;
+    int accepted = 0;
+    int iterations;
+    int status = PMSM_INPUT_REJECTED;
 
-    if (u_good != 0) {
+    if (within(u, f->u_max) != 0) {
         f->u_held[0] = u[0];
         f->u_held[1] = u[1];
+        if (within(y, f->y_max) != 0) {
+            accepted = 1;
+            status = 0;
+        }
     }
+    iterations = accepted;
     inverter(f->x, f->u_held, v, g);
     status |= time_update_turns(f->LD, turn);
     time_update(f->x, f->LD, f->Q, v, g, turn, x_pred, LD_pred, check);
@@ -1053,11 +1065,15 @@ int traction_70kw_ckf_f64_step(traction_70kw_ckf_f64_t *f, const float64 u[2], c
     } else {
         coast(x_pred, LD_pred, f->x, f->LD);
     }
-    /* The sum of pivots, mean and states is no number if one of them is none. */
-    check[0] = check[0] + f->nis + f->x[0] + f->x[1] + f->x[2] + f->x[3] + f->x[4];
-    if (((status & PMSM_COVARIANCE_REPAIRED) != 0) || !(check[0] * check[0] <= SANE_LIMIT * SANE_LIMIT) ||
-        !(f->nis < f->nis_max)) {
+    /* The sum of pivots, mean and states is no number if one of them is none; theta, wrapped, is always one.
+        */
+    check[0] = check[0] + f->nis + f->x[0] + f->x[1] + f->x[2] + f->x[4];
+    if (!(check[0] * check[0] <= SANE_LIMIT * SANE_LIMIT) || !(f->nis < f->nis_max) ||
+        ((status & PMSM_COVARIANCE_REPAIRED) != 0)) {
         status = set_status_bits(f, status, check[0]);
+    }
+    if (!(f->x[3] * f->x[3] <= INSIDE)) {
+        f->x[3] = wrap_angle(f->x[3]);
     }
     f->iterations = iterations;
     return status;

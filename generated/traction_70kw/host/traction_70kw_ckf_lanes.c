@@ -72,25 +72,22 @@
 #define ROUND 1.2582912e+07f
 /* The largest number below pi: wrapped angles stay in [-pi, pi). */
 #define BELOW_PI 3.1415925f
+/* Just below pi^2: an angle whose square is no larger is wrapped already. */
+#define INSIDE 9.8696f
 
 /* Sine and cosine as arithmetic: no branch, the same bits on every IEEE machine.
- * Error for |x| <= 1000 rad: proved 4.5e-07, worst of 200002 arguments 1.2e-07. */
-#define ROUND_EVEN 2.5165824e+07f /* adding and subtracting it rounds to the nearest even integer */
+ * Error for |x| <= pi, as wrap_angle leaves it: proved 8.0e-07, worst of 500002 arguments 3.8e-07. */
 INLINE pmsm_pair sin_cos(float32 x)
 {
     pmsm_pair result;
-    /* --- x = k pi + r with |r| <= pi / 2, pi in two parts */
-    const float32 k = x * 0.31830987f + ROUND - ROUND;
-    const float32 r = x - k * 3.1416016f - k * -8.90891e-06f;
-    /* --- the sign is -1 for odd k */
-    const float32 odd = k - (k + ROUND_EVEN - ROUND_EVEN);
-    const float32 sign = 1.0f - 2.0f * (odd * odd);
-    /* --- minimax polynomials in z = r^2 */
-    const float32 z = r * r;
-    result.sine = sign * (r + r * z * (((2.5999034e-06f * z + -0.00019806548f) * z + 0.008333016f) * z +
-        -0.16666657f));
-    result.cosine = sign * (1.0f - 0.5f * z + z * z * (((-2.6192484e-07f * z + 2.476924e-05f) * z +
-        -0.0013888568f) * z + 0.041666657f));
+    /* --- s = 2 sin(x / 2), c = cos(x / 2), minimax polynomials in z = x^2 */
+    const float32 z = x * x;
+    const float32 s = x * ((((1.0156464e-08f * z + -3.0947836e-06f) * z + 0.00052081357f) * z +
+        -0.04166664f) * z + 1.0f);
+    const float32 c = (((9.060307e-08f * z + -2.1649887e-05f) * z + 0.0026039993f) * z + -0.12499983f) * z +
+        1.0f;
+    result.sine = s * c;
+    result.cosine = 2.0f * (c * c) - 1.0f;
     return result;
 }
 
@@ -115,7 +112,7 @@ INLINE float32 wrap_angle(float32 x)
     /* --- r = x - 2 pi turns, kept inside, where x is not inside itself */
     const float32 turns = x * 0.15915494f + ROUND - ROUND;
     const float32 r = x - turns * 6.283203f - turns * -1.781782e-05f;
-    return (larger(x, -x) <= 3.14159f) ? x : larger(smaller(r, BELOW_PI), -3.1415925f);
+    return (x * x <= INSIDE) ? x : larger(smaller(r, BELOW_PI), -3.1415925f);
 }
 #define ANGLE_COLUMNS 1 /* of L, in which theta has a part: up to its own */
 #define ANGLE_ROW 0 /* of LD: what belongs to theta */
@@ -123,7 +120,7 @@ INLINE float32 wrap_angle(float32 x)
 
 /* How far a column of L turns an angle, from z = d^2 / 5: sin(d) / d = 1 + SINC_1 z + ..., cos(d) - 1 = COSM1_1 z + ...
  * for d up to 0.71 rad; WIDE_ ones for d up to pi.
- * Error proved: sinc 1.1e-06, cosm1 4.4e-07 of d^2 / 2; wide 5.5e-07, 1.1e-06. */
+ * Error proved: sinc 1.0e-06, cosm1 4.4e-07 of d^2 / 2; wide 4.9e-07, 1.1e-06. */
 #define SINC_1 -0.8332277f
 #define SINC_2 0.20490783f
 #define COSM1_1 -2.4999995f
@@ -222,10 +219,19 @@ static void take(lanes *__restrict target, const lanes *__restrict source, const
     }
 }
 
-/* 1 if value is a number within +-limit; NaN and infinity are not. By squares, as in the scalar form. */
+/* What stands in the order of the sizes of numbers: their bits without the sign. Infinity is above every number, NaN above
+ * infinity. */
+INLINE Uint32 size_of(float32 value)
+{
+    pmsm_word word;
+    word.value = value;
+    return word.bits << 1;
+}
+
+/* 1 if value is a number within +-limit; NaN and infinity are not. */
 INLINE int within(float32 value, float32 limit)
 {
-    return (value * value <= limit * limit) ? 1 : 0;
+    return (size_of(value) <= size_of(limit)) ? 1 : 0;
 }
 
 /* Input guard: holds good voltages, marks the lanes whose input is rejected and says whether there is any. */
@@ -375,7 +381,8 @@ static void time_update(const lanes *__restrict x, const lanes *__restrict LD, c
         const float32 odd_omega_e_0 = POLE_PAIRS * L_10;
         const float32 theta_mid = HALF_T * omega_e + theta;
         const float32 odd_theta_mid_0 = 1.0f + HALF_T * odd_omega_e_0;
-        const pmsm_pair sincos_theta_mid = sin_cos(theta_mid);
+        const float32 theta_mid_wrapped = wrap_angle(theta_mid);
+        const pmsm_pair sincos_theta_mid = sin_cos(theta_mid_wrapped);
         const float32 sin_theta_mid = sincos_theta_mid.sine;
         const float32 cos_theta_mid = sincos_theta_mid.cosine;
         const float32 psi_d_mid = cos_theta_mid * psi_alpha + sin_theta_mid * psi_beta;
@@ -416,15 +423,15 @@ static void time_update(const lanes *__restrict x, const lanes *__restrict LD, c
         const float32 psi_q_between = 0.5f * (psi_q_mid + psi_q_next);
         const float32 even_psi_q_between_0 = 0.5f * (even_psi_q_mid_0 + even_psi_q_next_0);
         const float32 odd_psi_q_between_0 = 0.5f * (odd_psi_q_mid_0 + odd_psi_q_next_0);
-        const float32 part_of_even_torque_0 = GAIN_TORQUE_INV_L_D_PSI_M - psi_d_between * GAIN_TORQUE_SALIENCY;
-        const float32 part_of_even_torque_0_2 = GAIN_TORQUE_SALIENCY_BY2 * (even_psi_d_mid_0 + even_psi_d_next_0);
+        const float32 part_of_omega_pred = GAIN_TORQUE_INV_L_D_PSI_M - GAIN_TORQUE_SALIENCY * psi_d_between;
+        const float32 part_of_even_torque_0 = GAIN_TORQUE_SALIENCY_BY2 * (even_psi_d_mid_0 + even_psi_d_next_0);
         const float32 total_psi_q_between_0 = psi_q_between + even_psi_q_between_0;
         const float32 odd_psi_d_mid_and_next_0_scaled =
             GAIN_TORQUE_SALIENCY_BY2 * (odd_psi_d_mid_0 + odd_psi_d_next_0);
-        const float32 even_torque_0 = part_of_even_torque_0 * even_psi_q_between_0 -
-            part_of_even_torque_0_2 * total_psi_q_between_0 -
+        const float32 even_torque_0 = part_of_omega_pred * even_psi_q_between_0 -
+            part_of_even_torque_0 * total_psi_q_between_0 -
             n_D_0 * odd_psi_d_mid_and_next_0_scaled * odd_psi_q_between_0;
-        const float32 odd_torque_0 = odd_psi_q_between_0 * (part_of_even_torque_0 - part_of_even_torque_0_2) -
+        const float32 odd_torque_0 = odd_psi_q_between_0 * (part_of_omega_pred - part_of_even_torque_0) -
             total_psi_q_between_0 * odd_psi_d_mid_and_next_0_scaled;
         const float32 n_D_1 = 5.0f * D_omega;
         const float32 sind_theta_mid_1 = HALF_T_POLE_PAIRS * sinc_theta_mid_1;
@@ -453,10 +460,10 @@ static void time_update(const lanes *__restrict x, const lanes *__restrict LD, c
         const float32 total_psi_q_between_1 = psi_q_between + even_psi_q_between_1;
         const float32 odd_psi_d_mid_and_next_1_scaled =
             GAIN_TORQUE_SALIENCY_BY2 * (odd_psi_d_mid_1 + odd_psi_d_next_1);
-        const float32 even_torque_1 = part_of_even_torque_0 * even_psi_q_between_1 -
+        const float32 even_torque_1 = part_of_omega_pred * even_psi_q_between_1 -
             part_of_even_torque_1 * total_psi_q_between_1 -
             n_D_1 * odd_psi_d_mid_and_next_1_scaled * odd_psi_q_between_1;
-        const float32 odd_torque_1 = odd_psi_q_between_1 * (part_of_even_torque_0 - part_of_even_torque_1) -
+        const float32 odd_torque_1 = odd_psi_q_between_1 * (part_of_omega_pred - part_of_even_torque_1) -
             total_psi_q_between_1 * odd_psi_d_mid_and_next_1_scaled;
         const float32 odd_psi_d_mid_2 = cos_theta_mid + sin_theta_mid * L_32;
         const float32 odd_psi_q_mid_2 = cos_theta_mid * L_32 - sin_theta_mid;
@@ -465,13 +472,13 @@ static void time_update(const lanes *__restrict x, const lanes *__restrict LD, c
         const float32 odd_psi_q_between_2 = 0.5f * (odd_psi_q_mid_2 + odd_psi_q_next_2);
         const float32 odd_psi_d_mid_plus_next_2 = odd_psi_d_mid_2 + odd_psi_d_next_2;
         const float32 psi_q_between_scaled = psi_q_between * GAIN_TORQUE_SALIENCY_BY2;
-        const float32 odd_torque_2 = part_of_even_torque_0 * odd_psi_q_between_2 -
+        const float32 odd_torque_2 = part_of_omega_pred * odd_psi_q_between_2 -
             odd_psi_d_mid_plus_next_2 * psi_q_between_scaled;
         const float32 odd_psi_d_next_3 = sin_theta_mid * ONE_MINUS_LOSS_D;
         const float32 odd_psi_q_next_3 = cos_theta_mid * ONE_MINUS_LOSS_Q;
         const float32 odd_psi_q_between_3 = 0.5f * (cos_theta_mid + odd_psi_q_next_3);
         const float32 part_of_curv_omega_sum = sin_theta_mid + odd_psi_d_next_3;
-        const float32 odd_torque_3 = part_of_even_torque_0 * odd_psi_q_between_3 -
+        const float32 odd_torque_3 = part_of_omega_pred * odd_psi_q_between_3 -
             part_of_curv_omega_sum * psi_q_between_scaled;
         const float32 total_psi_d_next_0 = psi_d_next + even_psi_d_next_0;
         const float32 even_psi_alpha_next_0 = even_psi_d_next_0 + cosm1_theta_mid_0 * total_psi_d_next_0 -
@@ -500,50 +507,48 @@ static void time_update(const lanes *__restrict x, const lanes *__restrict LD, c
 
         /* --- eq. 17: G: by how much a wrong datum moves f, so that Q_p = G G^T, turned */
         const float32 G_psi_alpha_R = v_d * SIGMA_R_GAIN_D - psi_d_mid_minus_m * SIGMA_R_LOSS_D;
-        const float32 theta_minus_theta_mid = theta - theta_mid;
-        const pmsm_pair sincos_theta_minus_theta_mid = sin_cos(theta_minus_theta_mid);
-        const float32 sin_theta_minus_theta_mid = sincos_theta_minus_theta_mid.sine;
-        const float32 cos_theta_minus_theta_mid = sincos_theta_minus_theta_mid.cosine;
-        const float32 part_of_G_omega_L_d = SALIENCY * (psi_d_mid * cos_theta_minus_theta_mid +
-            psi_q_mid * sin_theta_minus_theta_mid) - INV_L_D_PSI_M;
-        const float32 part_of_G_omega_L_d_3 = psi_d_mid * INV_L_Q +
-            cos_theta_minus_theta_mid * part_of_G_omega_L_d;
-        const float32 part_of_G_omega_L_d_2 = psi_q_mid * INV_L_Q +
-            sin_theta_minus_theta_mid * part_of_G_omega_L_d;
-        const float32 i_d = cos_theta_minus_theta_mid * part_of_G_omega_L_d_3 +
-            sin_theta_minus_theta_mid * part_of_G_omega_L_d_2;
-        const float32 sin_theta_minus_theta_mid_x_i_d = sin_theta_minus_theta_mid * i_d;
+        const float32 part_of_G_omega_L_d = wrap_angle(theta - theta_mid);
+        const pmsm_pair sincos_part_of_G_omega_L_d = sin_cos(part_of_G_omega_L_d);
+        const float32 sin_part_of_G_omega_L_d = sincos_part_of_G_omega_L_d.sine;
+        const float32 cos_part_of_G_omega_L_d = sincos_part_of_G_omega_L_d.cosine;
+        const float32 part_of_G_omega_L_d_2 = SALIENCY * (psi_d_mid * cos_part_of_G_omega_L_d +
+            psi_q_mid * sin_part_of_G_omega_L_d) - INV_L_D_PSI_M;
+        const float32 part_of_G_omega_L_d_4 = psi_d_mid * INV_L_Q +
+            cos_part_of_G_omega_L_d * part_of_G_omega_L_d_2;
+        const float32 part_of_G_omega_L_d_3 = psi_q_mid * INV_L_Q +
+            sin_part_of_G_omega_L_d * part_of_G_omega_L_d_2;
+        const float32 i_d = cos_part_of_G_omega_L_d * part_of_G_omega_L_d_4 +
+            sin_part_of_G_omega_L_d * part_of_G_omega_L_d_3;
+        const float32 part_of_G_omega_L_d_6 = sin_part_of_G_omega_L_d * i_d;
         const float32 omega_e_times_sample_time = omega_e * SAMPLE_TIME;
         const float32 part_of_G_psi_alpha_L_d = SIGMA_L_D * omega_e_times_sample_time;
-        const float32 G_psi_alpha_L_d = sin_theta_minus_theta_mid_x_i_d * part_of_G_psi_alpha_L_d;
-        const float32 i_q = cos_theta_minus_theta_mid * part_of_G_omega_L_d_2 -
-            sin_theta_minus_theta_mid * part_of_G_omega_L_d_3;
-        const float32 cos_theta_minus_theta_mid_x_i_q = cos_theta_minus_theta_mid * i_q;
+        const float32 G_psi_alpha_L_d = part_of_G_omega_L_d_6 * part_of_G_psi_alpha_L_d;
+        const float32 i_q = cos_part_of_G_omega_L_d * part_of_G_omega_L_d_3 -
+            sin_part_of_G_omega_L_d * part_of_G_omega_L_d_4;
+        const float32 part_of_P_pred_32_2 = cos_part_of_G_omega_L_d * i_q;
         const float32 part_of_G_psi_alpha_L_q = SIGMA_L_Q * omega_e_times_sample_time;
-        const float32 G_psi_alpha_L_q = cos_theta_minus_theta_mid_x_i_q * part_of_G_psi_alpha_L_q;
+        const float32 G_psi_alpha_L_q = part_of_P_pred_32_2 * part_of_G_psi_alpha_L_q;
         const float32 part_of_G_psi_alpha_psi_m = SIGMA_PSI_M * omega_e_times_sample_time;
-        const float32 G_psi_alpha_psi_m = sin_theta_minus_theta_mid * part_of_G_psi_alpha_psi_m;
+        const float32 G_psi_alpha_psi_m = sin_part_of_G_omega_L_d * part_of_G_psi_alpha_psi_m;
         const float32 sigma_loss_times_unsure = SIGMA_LOSS * unsure;
         const float32 G_psi_alpha_loss_along = GAIN_D * sigma_loss_times_unsure;
         const float32 G_psi_beta_R = v_q * SIGMA_R_GAIN_Q - psi_q_mid * SIGMA_R_LOSS_Q +
             omega_e_times_psi_m * SIGMA_R_MAGNET_TURN;
-        const float32 sin_theta_minus_theta_mid_x_i_q = sin_theta_minus_theta_mid * i_q;
-        const float32 G_psi_beta_L_q = sin_theta_minus_theta_mid_x_i_q * part_of_G_psi_alpha_L_q;
+        const float32 part_of_P_pred_32 = sin_part_of_G_omega_L_d * i_q;
+        const float32 G_psi_beta_L_q = part_of_P_pred_32 * part_of_G_psi_alpha_L_q;
         const float32 G_psi_beta_loss_across = GAIN_Q * sigma_loss_times_unsure;
         const float32 psi_q_between_scaled_2 = psi_q_between * GAIN_TORQUE_SALIENCY;
-        const float32 G_omega_R = GAIN_OMEGA_BY2 * (part_of_even_torque_0 * G_psi_beta_R -
+        const float32 G_omega_R = GAIN_OMEGA_BY2 * (part_of_omega_pred * G_psi_beta_R -
             psi_q_between_scaled_2 * G_psi_alpha_R);
-        const float32 cos_theta_minus_theta_mid_x_i_d = cos_theta_minus_theta_mid * i_d;
-        const float32 G_omega_L_d =
-            GAIN_OMEGA_GAIN_TQ_SIGMA_L_D * (part_of_G_omega_L_d_2 * cos_theta_minus_theta_mid_x_i_d -
-            part_of_G_omega_L_d_3 * sin_theta_minus_theta_mid_x_i_d);
+        const float32 part_of_G_omega_L_d_5 = cos_part_of_G_omega_L_d * i_d;
+        const float32 G_omega_L_d = GAIN_OMEGA_GAIN_TQ_SIGMA_L_D * (part_of_G_omega_L_d_3 * part_of_G_omega_L_d_5
+            - part_of_G_omega_L_d_4 * part_of_G_omega_L_d_6);
         const float32 G_omega_psi_m = GAIN_OMEGA_GAIN_TQ_SIGMA_PSI_M * i_q;
         const float32 part_of_G_omega_V_d = GAIN_D * (cos_theta_mid * g_alpha + sin_theta_mid * g_beta);
         const float32 part_of_G_omega_V_d_2 = GAIN_Q * (cos_theta_mid * g_beta - sin_theta_mid * g_alpha);
         const float32 G_omega_V_d = GAIN_OMEGA_SIGMA_V_D_BY2 * (psi_q_between_scaled_2 * part_of_G_omega_V_d -
-            part_of_even_torque_0 * part_of_G_omega_V_d_2);
-        const float32 G_omega_loss_across =
-            GAIN_OMEGA_GAIN_Q_BY2 * part_of_even_torque_0 * sigma_loss_times_unsure;
+            part_of_omega_pred * part_of_G_omega_V_d_2);
+        const float32 G_omega_loss_across = GAIN_OMEGA_GAIN_Q_BY2 * part_of_omega_pred * sigma_loss_times_unsure;
 
         /* --- eq. 17: P_pred = mean (X_i' - x_pred)(X_i' - x_pred)^T + Q + Q_p; eq. 18: L D L^T = P_pred */
         const float32 D_odd_omega_0 = D_theta * odd_omega_next_0;
@@ -558,25 +563,25 @@ static void time_update(const lanes *__restrict x, const lanes *__restrict LD, c
         const float32 curv_omega_sum = even_torque_0 + even_torque_1 - minus_even_torque_2 - minus_even_torque_3;
         const float32 curv_omega_mean = PAIR_WEIGHT * curv_omega_sum;
         const float32 minus_G_omega_L_q =
-            GAIN_OMEGA_GAIN_TQ_SIGMA_L_Q * (part_of_G_omega_L_d_2 * sin_theta_minus_theta_mid_x_i_q +
-            part_of_G_omega_L_d_3 * cos_theta_minus_theta_mid_x_i_q);
+            GAIN_OMEGA_GAIN_TQ_SIGMA_L_Q * (part_of_G_omega_L_d_3 * part_of_P_pred_32 +
+            part_of_G_omega_L_d_4 * part_of_P_pred_32_2);
         const float32 minus_G_omega_loss_along =
             G_D_G_OMEGA_G_TQ_SAL_BY2 * psi_q_between * sigma_loss_times_unsure;
-        const float32 part_of_P_pred_32 = odd_omega_next_0 * D_odd_omega_0 + odd_omega_next_1 * D_odd_omega_1 +
+        const float32 part_of_P_pred_32_3 = odd_omega_next_0 * D_odd_omega_0 + odd_omega_next_1 * D_odd_omega_1 +
             odd_omega_next_2 * D_odd_omega_2 + odd_omega_next_3 * D_odd_omega_3 + GAIN_OMEGA * minus_D_odd_omega_4
             + GAIN_OMEGA_SQ * (PAIR_WEIGHT * (even_torque_0 * even_torque_0 + even_torque_1 * even_torque_1 +
             minus_even_torque_2 * minus_even_torque_2 + minus_even_torque_3 * minus_even_torque_3) -
             curv_omega_mean * curv_omega_mean) + G_omega_R * G_omega_R + G_omega_L_d * G_omega_L_d +
             minus_G_omega_L_q * minus_G_omega_L_q + G_omega_psi_m * G_omega_psi_m + G_omega_V_d * G_omega_V_d +
             minus_G_omega_loss_along * minus_G_omega_loss_along + G_omega_loss_across * G_omega_loss_across;
-        const float32 part_of_P_pred_32_2 = odd_theta_mid_0 * D_odd_omega_0 + HALF_T_POLE_PAIRS * D_odd_omega_1;
-        const float32 P_pred_32 = HALF_T_POLE_PAIRS * part_of_P_pred_32 + part_of_P_pred_32_2;
-        const float32 P_pred_33 = HALF_T_POLE_PAIRS * (P_pred_32 + part_of_P_pred_32_2 +
+        const float32 part_of_P_pred_32_4 = odd_theta_mid_0 * D_odd_omega_0 + HALF_T_POLE_PAIRS * D_odd_omega_1;
+        const float32 P_pred_32 = HALF_T_POLE_PAIRS * part_of_P_pred_32_3 + part_of_P_pred_32_4;
+        const float32 P_pred_33 = HALF_T_POLE_PAIRS * (P_pred_32 + part_of_P_pred_32_4 +
             D_omega * HALF_T_POLE_PAIRS) + D_theta * odd_theta_mid_0 * odd_theta_mid_0 + Q_3;
         const float32 D_pred_theta = larger(P_pred_33, Q_3);
         const float32 inv_D_pred_theta = 1.0f / D_pred_theta;
         const float32 L_pred_10 = P_pred_32 * inv_D_pred_theta;
-        const float32 P_pred_22 = part_of_P_pred_32 + Q_2;
+        const float32 P_pred_22 = part_of_P_pred_32_3 + Q_2;
         const float32 D_pred_omega = larger(P_pred_22 - P_pred_32 * L_pred_10, Q_2);
         const float32 curv_psi_alpha_sum = even_psi_alpha_next_0 + even_psi_alpha_next_1;
         const float32 curv_psi_alpha_mean = curv_psi_alpha_sum * PAIR_WEIGHT;
@@ -594,8 +599,8 @@ static void time_update(const lanes *__restrict x, const lanes *__restrict LD, c
             odd_theta_mid_0 * D_odd_psi_alpha_0;
         const float32 curv_psi_beta_sum = even_psi_beta_next_0 + even_psi_beta_next_1;
         const float32 curv_psi_beta_mean = PAIR_WEIGHT * curv_psi_beta_sum;
-        const float32 minus_G_psi_beta_L_d = cos_theta_minus_theta_mid_x_i_d * part_of_G_psi_alpha_L_d;
-        const float32 minus_G_psi_beta_psi_m = cos_theta_minus_theta_mid * part_of_G_psi_alpha_psi_m;
+        const float32 minus_G_psi_beta_L_d = part_of_G_omega_L_d_5 * part_of_G_psi_alpha_L_d;
+        const float32 minus_G_psi_beta_psi_m = cos_part_of_G_omega_L_d * part_of_G_psi_alpha_psi_m;
         const float32 minus_G_psi_beta_V_d = SIGMA_V_D * part_of_G_omega_V_d_2;
         const float32 P_turned_21 = D_odd_omega_0 * odd_psi_beta_next_0 + D_odd_omega_1 * odd_psi_beta_next_1 +
             odd_psi_q_next_2 * D_odd_omega_2 + odd_psi_q_next_3 * D_odd_omega_3 +
@@ -691,8 +696,8 @@ static void time_update(const lanes *__restrict x, const lanes *__restrict LD, c
         const float32 psi_beta_mean = psi_q_next + curv_psi_beta_mean;
         const float32 psi_alpha_pred = cos_theta_mid * psi_alpha_mean - sin_theta_mid * psi_beta_mean;
         const float32 psi_beta_pred = sin_theta_mid * psi_alpha_mean + cos_theta_mid * psi_beta_mean;
-        const float32 omega_of_x = (GAIN_TORQUE_INV_L_D_PSI_M -
-            GAIN_TORQUE_SALIENCY * psi_d_between) * GAIN_OMEGA * psi_q_between - GAIN_OMEGA * load_torque + omega;
+        const float32 omega_of_x = part_of_omega_pred * GAIN_OMEGA * psi_q_between - GAIN_OMEGA * load_torque +
+            omega;
         const float32 omega_pred = omega_of_x + offset_omega;
         const float32 theta_pred = theta_mid + omega_of_x * HALF_T_POLE_PAIRS + offset_theta;
 
@@ -781,7 +786,8 @@ static void ckf_measurement_update(const lanes *__restrict x_pred, const lanes *
         const float32 cosm1_theta_0 = turn_pred[1].of[lane];
 
         /* --- eq. 20: along column c the image is base + even_c +- s_c odd_c, s_c^2 = n D_c */
-        const pmsm_pair sincos_theta_pred = sin_cos(theta_pred);
+        const float32 theta_pred_wrapped = wrap_angle(theta_pred);
+        const pmsm_pair sincos_theta_pred = sin_cos(theta_pred_wrapped);
         const float32 sin_theta_pred = sincos_theta_pred.sine;
         const float32 cos_theta_pred = sincos_theta_pred.cosine;
         const float32 psi_d_pred = cos_theta_pred * psi_alpha_pred + sin_theta_pred * psi_beta_pred;
@@ -822,7 +828,7 @@ static void ckf_measurement_update(const lanes *__restrict x_pred, const lanes *
         const float32 noise_10 = cos_theta_pred * sin_theta_pred * (R_1 - R_0) +
             even_y_i_alpha_0 * (curv_y_i_beta_mean - part_of_curv_y_i_beta_mean * PAIR_WEIGHT_SQ_SALIENCY_X5);
 
-        /* --- eq. 25: y - y_pred, in the rotor's frame; theta wrapped */
+        /* --- eq. 25: y - y_pred, in the rotor's frame */
         const float32 innovation_i_alpha = cos_theta_pred * i_alpha_meas + sin_theta_pred * i_beta_meas -
             INV_L_Q * psi_d_pred - i_salient_pred - curv_y_i_alpha_mean;
         const float32 innovation_i_beta = cos_theta_pred * i_beta_meas - sin_theta_pred * i_alpha_meas -
@@ -830,15 +836,15 @@ static void ckf_measurement_update(const lanes *__restrict x_pred, const lanes *
         const float32 noise_10_per_noise_00 = noise_10 / noise_00;
         const float32 HL_03 = INV_L_Q_PLUS_SALIENCY * sin_theta_pred;
         const float32 g_first_3 = HL_03 * D_pred_psi_beta;
-        const float32 var_first_3 = larger(noise_00 + HL_03 * g_first_3, noise_00);
+        const float32 var_first_3 = noise_00 + HL_03 * g_first_3;
         const float32 HL_02 = INV_L_Q_PLUS_SALIENCY * odd_psi_d_pred_2;
         const float32 g_first_2 = D_pred_psi_alpha * HL_02;
-        const float32 var_first_2 = larger(var_first_3 + HL_02 * g_first_2, noise_00);
+        const float32 var_first_2 = var_first_3 + HL_02 * g_first_2;
         const float32 HL_01 = INV_L_Q_PLUS_SALIENCY * odd_psi_d_pred_1;
         const float32 g_first_1 = D_pred_omega * HL_01;
-        const float32 var_first_1 = larger(var_first_2 + HL_01 * g_first_1, noise_00);
+        const float32 var_first_1 = var_first_2 + HL_01 * g_first_1;
         const float32 g_first_0 = D_pred_theta * odd_y_i_alpha_0;
-        const float32 var_first = larger(var_first_1 + odd_y_i_alpha_0 * g_first_0, noise_00);
+        const float32 var_first = var_first_1 + odd_y_i_alpha_0 * g_first_0;
         const float32 one_per_var_first = 1.0f / var_first;
         const float32 nu_by_var_first = innovation_i_alpha * one_per_var_first;
         const float32 HL_13_apart = odd_y_i_beta_3 - HL_03 * noise_10_per_noise_00;
@@ -855,25 +861,25 @@ static void ckf_measurement_update(const lanes *__restrict x_pred, const lanes *
         const float32 D_pred_psi_beta_per_var_first_3 = D_pred_psi_beta / var_first_3;
         const float32 D_first_3 = noise_00 * D_pred_psi_beta_per_var_first_3;
         const float32 g_second_3 = HL_13_apart * D_first_3;
-        const float32 var_second_3 = larger(R_second + HL_13_apart * g_second_3, R_second);
+        const float32 var_second_3 = R_second + HL_13_apart * g_second_3;
         const float32 change_first_32 =
             sin_theta_pred * (odd_psi_d_pred_2 * INV_L_Q_PLUS_SALIENCY_SQ) * D_pred_psi_beta_per_var_first_3;
         const float32 f_second_2 = HL_12_apart - HL_13_apart * change_first_32;
         const float32 one_per_var_first_2 = 1.0f / var_first_2;
         const float32 D_first_2 = var_first_3 * (D_pred_psi_alpha * one_per_var_first_2);
         const float32 g_second_2 = D_first_2 * f_second_2;
-        const float32 var_second_2 = larger(var_second_3 + f_second_2 * g_second_2, R_second);
+        const float32 var_second_2 = var_second_3 + f_second_2 * g_second_2;
         const float32 lambda_first_1 = HL_01 * one_per_var_first_2;
         const float32 f_second_1 = HL_11_apart - lambda_first_1 * gain_first_y2;
         const float32 one_per_var_first_1 = 1.0f / var_first_1;
         const float32 D_first_1 = var_first_2 * (D_pred_omega * one_per_var_first_1);
         const float32 g_second_1 = D_first_1 * f_second_1;
-        const float32 var_second_1 = larger(var_second_2 + f_second_1 * g_second_1, R_second);
+        const float32 var_second_1 = var_second_2 + f_second_1 * g_second_1;
         const float32 lambda_first_0 = odd_y_i_alpha_0 * one_per_var_first_1;
         const float32 f_second_0 = HL_10_apart - lambda_first_0 * gain_first_y1;
         const float32 D_first_0 = var_first_1 * (D_pred_theta * one_per_var_first);
         const float32 g_second_0 = D_first_0 * f_second_0;
-        const float32 var_second = larger(var_second_1 + f_second_0 * g_second_0, R_second);
+        const float32 var_second = var_second_1 + f_second_0 * g_second_0;
         const float32 gain_first_21 = g_first_2 + L_pred_21 * g_first_1;
         const float32 L_first_21 = L_pred_21 - g_first_2 * lambda_first_1;
         const float32 gain_second_21 = g_second_2 + L_first_21 * g_second_1;
@@ -894,8 +900,7 @@ static void ckf_measurement_update(const lanes *__restrict x_pred, const lanes *
         const float32 L_first_10 = L_pred_10 - g_first_1 * lambda_first_0;
         const float32 omega_new = nu_by_var_first * (g_first_1 + g_first_0 * L_pred_10) +
             nu_by_var_second * (g_second_1 + g_second_0 * L_first_10) + omega_pred;
-        const float32 theta_new = wrap_angle(g_first_0 * nu_by_var_first + g_second_0 * nu_by_var_second +
-            theta_pred);
+        const float32 theta_new = g_first_0 * nu_by_var_first + g_second_0 * nu_by_var_second + theta_pred;
         const float32 gain_first_42 = g_first_3 * L_pred_43 + g_first_2 * L_pred_42;
         const float32 gain_first_41 = gain_first_42 + g_first_1 * L_pred_41;
         const float32 L_first_42 = L_pred_42 - change_first_32 * L_pred_43;
@@ -984,7 +989,7 @@ static void coast(const lanes *__restrict x_pred, const lanes *__restrict LD_pre
         x_out[0].of[lane] = psi_alpha_pred;
         x_out[1].of[lane] = psi_beta_pred;
         x_out[2].of[lane] = omega_pred;
-        x_out[3].of[lane] = wrap_angle(theta_pred);
+        x_out[3].of[lane] = theta_pred;
         x_out[4].of[lane] = load_torque_pred;
         LD_out[0].of[lane] = D_pred_theta;
         LD_out[1].of[lane] = L_pred_10;
@@ -1057,7 +1062,7 @@ static void set_status_bits(traction_70kw_ckf_lanes_t *__restrict f, float32 che
     }
 }
 
-/* The sum of pivots, mean and states is no number if one of them is none. */
+/* The sum of pivots, mean and states is no number if one of them is none; theta, wrapped, is always one. */
 static void finish_step(traction_70kw_ckf_lanes_t *__restrict f, const lanes *__restrict nis,
     lanes *__restrict check, const int *__restrict rejected)
 {
@@ -1072,12 +1077,12 @@ static void finish_step(traction_70kw_ckf_lanes_t *__restrict f, const lanes *__
     }
     for (lane = 0; lane < LANES; lane++) {
         check[0].of[lane] = check[0].of[lane] + f->nis[0].of[lane] + f->x[0].of[lane] + f->x[1].of[lane] +
-            f->x[2].of[lane] + f->x[3].of[lane] + f->x[4].of[lane];
+            f->x[2].of[lane] + f->x[4].of[lane];
     }
     for (lane = 0; lane < LANES; lane++) {
-        const int unusual_0 = ((f->status[lane] & PMSM_COVARIANCE_REPAIRED) != 0) ? 1 : 0;
-        const int unusual_1 = (check[0].of[lane] * check[0].of[lane] <= SANE_LIMIT * SANE_LIMIT) ? 0 : 1;
-        const int unusual_2 = (f->nis[0].of[lane] < f->nis_max[0].of[lane]) ? 0 : 1;
+        const int unusual_0 = (check[0].of[lane] * check[0].of[lane] <= SANE_LIMIT * SANE_LIMIT) ? 0 : 1;
+        const int unusual_1 = (f->nis[0].of[lane] < f->nis_max[0].of[lane]) ? 0 : 1;
+        const int unusual_2 = ((f->status[lane] & PMSM_COVARIANCE_REPAIRED) != 0) ? 1 : 0;
         special[lane] = unusual_0 | unusual_1 | unusual_2;
         any |= special[lane];
     }
@@ -1087,6 +1092,15 @@ static void finish_step(traction_70kw_ckf_lanes_t *__restrict f, const lanes *__
                 set_status_bits(f, check[0].of[lane], lane);
             }
         }
+    }
+}
+
+/* The angle back within a turn. */
+static void keep_within_turn(traction_70kw_ckf_lanes_t *__restrict f)
+{
+    int lane;
+    for (lane = 0; lane < LANES; lane++) {
+        f->x[3].of[lane] = wrap_angle(f->x[3].of[lane]);
     }
 }
 
@@ -1123,4 +1137,5 @@ void traction_70kw_ckf_lanes_step(traction_70kw_ckf_lanes_t *f, const lanes u[2]
         take(f->LD, other_LD, rejected, 15);
     }
     finish_step(f, nis, check, rejected);
+    keep_within_turn(f);
 }
