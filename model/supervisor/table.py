@@ -167,7 +167,8 @@ def _from_rest(rivals: bool, aligned: bool) -> tuple[Transition, ...]:
         else ("RUNNING", ", and starts as the drive file says")
     )
     if aligned:
-        follows, how, stands = "ALIGNING", ", and a current turns it to where it is known", ("void_voltages",)
+        follows, stands = "ALIGNING", ("void_voltages",)
+        how = ", and a current turns it to where it is known"
     tried = at_least("since", "PROBE_SAMPLES")
     wanted = All((tried, Compare(">", square(Name("reference")), Name("STILL_SQUARED"))))
     return (
