@@ -94,8 +94,8 @@ PRICES = Prices(
     formula="with TI's fastRTS figures for division and root, and 60 for the interrupt",
     k=(
         "k covers loads, the operation, its delay slot and the store: 2.5 is typical of published compiler listings of "
-        "float motor code, 4 high, 5 the bound. Branches and calls are not in k: the sum has them as terms of their own. "
-        "Left out of the sum: arithmetic of whole numbers, copies of single numbers, registers that functions save, "
+        "float motor code, 4 high, 5 the bound. Branches and calls are not in k: the sum has them as terms of their "
+        "own. Left out of the sum: arithmetic of whole numbers, copies of single numbers, registers that functions save, "
         "wait states of flash."
     ),
     sources=(
