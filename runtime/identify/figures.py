@@ -129,12 +129,14 @@ def _draw_datum(axis: Any, estimate: Estimate, x: Array, height: Array) -> None:
         axis.set_xticks([], minor=True)
     axis.plot(x, height, color=AFTER, label="likelihood")
     axis.axvspan(low, high, color=AFTER, alpha=0.12, lw=0, label="95 % interval")
-    axis.axhline(-(Z_95**2) / 2, color="grey", lw=0.6, ls=":", label="where a right model would end it")
+    axis.axhline(-(Z_95**2) / 2, color="grey", lw=1.0, ls=":", label="where a right model would end it")
     axis.plot([], [], color=BEFORE, lw=0.8, ls="--", label="guess")
     if x[0] <= guess <= x[-1]:
         axis.axvline(guess, color=BEFORE, lw=0.8, ls="--")
     axis.set_ylim(-12, 1)
     axis.set_xlim(x[0], x[-1])
+    if axis.get_xscale() == "linear":
+        axis.locator_params(axis="x", nbins=4)
     said = f"{datum.word} = {estimate.value:.4g} {datum.unit}" if estimate.told else f"{datum.word} (not shown)"
     axis.set_title(f"{said}\nguess {estimate.guess:.4g}", fontsize=8)
     axis.set_xlabel(name, fontsize=7)

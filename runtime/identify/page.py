@@ -10,6 +10,16 @@ from runtime.identify.tables import estimates_table, filters_table, steps_words,
 from runtime.style.pages import table_markup, write_page
 from runtime.style.svg import themed
 
+#: What a figure shows and how it is read, above it.
+INNOVATIONS = (
+    "Measured current less what the filter expected, in its standard deviations. With data that fit, 95 % of the curve "
+    "lies in the grey band."
+)
+LIKELIHOOD = (
+    "How well each value of a datum explains the recordings, the others moved along; the top is what was found. "
+    "A narrow curve is a datum that the recordings show well. A guess beyond the axis is not drawn."
+)
+
 
 def write_identified(found: Identified, compared: Compared | None, folder: Path) -> Path:
     """Write index.html beside the figures of that folder; its path.
@@ -29,8 +39,8 @@ def write_identified(found: Identified, compared: Compared | None, folder: Path)
     said = [*steps_words(found), *found.result.words]
     parts = [
         ("Motor data", [table_markup(estimates_table(found)), summary(found), *said]),
-        ("Innovations", [figure("innovations.svg")]),
-        ("Likelihood", [figure("likelihood.svg")]),
+        ("Innovations", [INNOVATIONS, figure("innovations.svg")]),
+        ("Likelihood", [LIKELIHOOD, figure("likelihood.svg")]),
     ]
     if compared is not None:
         parts.insert(1, ("The filter before and after", [table_markup(filters_table(compared))]))

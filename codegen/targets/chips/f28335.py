@@ -94,8 +94,9 @@ PRICES = Prices(
     formula="with TI's fastRTS figures for division and root, and 60 for the interrupt",
     k=(
         "k covers loads, the operation, its delay slot and the store: 2.5 is typical of published compiler listings of "
-        "float motor code, 4 high, 5 the bound. It has nothing of branches and calls. Not in the sum: arithmetic of "
-        "whole numbers, copies of single numbers, registers that functions save, wait states of flash."
+        "float motor code, 4 high, 5 the bound. Branches and calls are not in k: the sum has them as terms of their "
+        "own. Left out of the sum: arithmetic of whole numbers, copies of single numbers, registers that functions "
+        "save, wait states of flash."
     ),
     sources=(
         "the C28x FPU fastRTS library user guide (division, root, with the call), SPRUEO2 (FPU32 instructions), "
