@@ -109,7 +109,7 @@
 #define LEAST_SINE 0.1f /* of the angle between two readings: it tells the direction */
 #define CATCH_JOLT_SQUARED 0.01f /* rad^2: so far off may the angle be, beside half of what is stated */
 #define RUN_JOLT_SQUARED 0.09f /* rad^2: the same in a window of RUNNING, where a jolt may come */
-#define SILENT_TURN_SQUARED 9.869604f /* rad^2: without a current in one phase alone it is open */
+#define SILENT_TURN_SQUARED 9.0f /* rad^2: without a current in one phase alone it is open */
 #define MOST_SPEED_SQUARED 360000.0f /* (rad/s)^2: no motor turns faster; thrice the box's */
 #define UNKNOWN_SPEED 10000.0f /* (rad/s)^2: of a rotor that turns */
 #define UNKNOWN_ANGLE 0.01f /* rad^2: what the probe leaves open */

@@ -42,7 +42,7 @@ UNKNOWN_ANGLE, START_ANGLE = 0.01, 0.09
 CATCH_JOLT, RUN_JOLT = 0.1, 0.3
 #: rad: so far the rotor turns while a healthy phase carries no current: a third of that, as the others carry twice what
 #: reads as zero. Of the operating box's speed: beyond what field weakening reaches.
-SILENT_TURN, MOST_SPEED = math.pi, 3.0
+SILENT_TURN, MOST_SPEED = 3.0, 3.0
 #: Share of a turn without any current by which a phase is less silent. With a phase open the others carry a current
 #: over half of a turn or more (`ipmsm_flux`, 0.49, the least); pulses of torque at a crawl were 0.06 of it.
 FORGOTTEN_TURN = 0.25

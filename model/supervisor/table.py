@@ -159,18 +159,6 @@ def _from_rest(rivals: bool, aligned: bool) -> tuple[Transition, ...]:
     """RESTING, PROBING and WAITING tell whether the rotor turns."""
     seen = Not(within("phase", "PROBE_SQUARED"))
     known, none = at_least("readings", "MAX_READINGS"), within("phase", "ZERO_SQUARED")
-    both = ("guess_rest", "place", "start_filter", "copy_filter", "guess_opposite", "place", OnRival("start_filter"))
-    stands: tuple[str | OnRival, ...] = (*(both if rivals else ("start_at_rest",)), "void_voltages")
-    follows, how = (
-        ("STARTING", ", and the reference asks for motion")
-        if rivals
-        else ("RUNNING", ", and starts as the drive file says")
-    )
-    if aligned:
-        follows, stands = "ALIGNING", ("void_voltages",)
-        how = ", and a current turns it to where it is known"
-    tried = at_least("since", "PROBE_SAMPLES")
-    wanted = All((tried, Compare(">", square(Name("reference")), Name("STILL_SQUARED"))))
     return (
         Transition("RESTING", "FAULT", at_least("failures", "MAX_FAILURES"), "attempts failed again and again"),
         Transition(
@@ -199,13 +187,7 @@ def _from_rest(rivals: bool, aligned: bool) -> tuple[Transition, ...]:
             "a later current shows which way the rotor turns, or not yet",
             ("take_reading", "guess_from_probe"),
         ),
-        Transition(
-            "PROBING",
-            follows,
-            wanted if rivals else tried,
-            "no current came: the rotor stands" + how,
-            (*stands, "begin_anew", "begin_window"),
-        ),
+        _from_standstill(rivals, aligned),
         Transition(
             "WAITING",
             "CATCHING",
@@ -220,6 +202,29 @@ def _from_rest(rivals: bool, aligned: bool) -> tuple[Transition, ...]:
             "the current has died out: it is read again",
         ),
         _lost("WAITING", at_least("since", "WAIT_SAMPLES"), "the current does not die out", "CURRENT"),
+    )
+
+
+def _from_standstill(rivals: bool, aligned: bool) -> Transition:
+    """Where no current comes: as one rotor of two, turned to where it is known, or as the drive file says."""
+    both = ("guess_rest", "place", "start_filter", "copy_filter", "guess_opposite", "place", OnRival("start_filter"))
+    stands: tuple[str | OnRival, ...] = (*(both if rivals else ("start_at_rest",)), "void_voltages")
+    follows, how = (
+        ("STARTING", ", and the reference asks for motion")
+        if rivals
+        else ("RUNNING", ", and starts as the drive file says")
+    )
+    if aligned:
+        follows, stands = "ALIGNING", ("void_voltages",)
+        how = ", and a current turns it to where it is known"
+    tried = at_least("since", "PROBE_SAMPLES")
+    wanted = All((tried, Compare(">", square(Name("reference")), Name("STILL_SQUARED"))))
+    return Transition(
+        "PROBING",
+        follows,
+        wanted if rivals else tried,
+        "no current came: the rotor stands" + how,
+        (*stands, "begin_anew", "begin_window"),
     )
 
 

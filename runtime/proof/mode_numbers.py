@@ -30,7 +30,7 @@ GAP, GAP_TURN, TELLS, READINGS = 0.5e-3, 1.2, 0.1, 8
 #: rad: what a jolt may make, beside half of what is stated: while the rotor is looked for, and in a window.
 CATCH_JOLT, RUN_JOLT = 0.1, 0.3
 #: rad, without a current in one phase; s, for which that goes on. Of the box's speed: more is no estimate.
-SILENT_TURN, OPEN, RUNAWAY_SPEED = math.pi, 100e-3, 3.0
+SILENT_TURN, OPEN, RUNAWAY_SPEED = 3.0, 100e-3, 3.0
 #: Of a turn without any current: so much less silent is a phase.
 FORGOTTEN = 0.25
 #: A start: share of the largest current, s, rad, rad of motion enough; by so much better; the largest torque's cost.

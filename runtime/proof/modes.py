@@ -64,8 +64,7 @@ class Modes(Numbers):
     @property
     def events(self) -> list[str]:
         """All that may happen, with the mode in which it does."""
-        absent = {"STARTING": not self.two, "ALIGNING": not self.aligns}
-        modes = (mode for mode in EVENTS if not absent.get(mode))
+        modes = [m for m in EVENTS if {"STARTING": self.two, "ALIGNING": self.aligns}.get(m, True)]
         return [f"{mode}: {event}" for mode in modes for event in EVENTS[mode]]
 
     def interrupt(self, m: Memory, f: Filter, said: Said, phase: Sequence[float], reference: float) -> str:
@@ -157,7 +156,7 @@ class Modes(Numbers):
             turns = zip((i_a, i_b, -i_a - i_b), m.arrays["silent"], strict=True)
             m.arrays["silent"] = [0.0 if abs(i) > ZERO * self.most else turn + now for i, turn in turns]
         else:  # no current anywhere tells the less, the farther the rotor turns
-            left = [turn - now * FORGOTTEN for turn in m.arrays["silent"]]
+            left = (before - now * FORGOTTEN for before in m.arrays["silent"])
             m.arrays["silent"] = [0.0 if turn * now < 0 else turn for turn in left]
         self._row(m, "open", any(abs(turn) >= SILENT_TURN for turn in m.arrays["silent"]), self.samples(OPEN))
 
@@ -188,8 +187,6 @@ class Modes(Numbers):
         for name in ("rejected", "diverged", "content"):
             m.whole[name] = 0
         m.whole["anew"] = 1
-
-    # --- the modes
 
     def _resting(self, m: Memory, f: Filter, said: Said, phase: Sequence[float]) -> str:
         if m.whole["failures"] >= self.attempts:
@@ -386,9 +383,8 @@ class Modes(Numbers):
                 return self._lost(m, blame)
         if not over:
             return ""
-        enough = int(STEADY / LOCKED + 0.5)
-        n["steady"] = min(n["steady"] + 1, enough)
-        if n["steady"] == enough:
+        n["steady"] = min(n["steady"] + 1, int(STEADY / LOCKED + 0.5))
+        if n["steady"] == int(STEADY / LOCKED + 0.5):
             n["failures"] = 0
         self._window(m, f)
         self._go(m, "RUNNING")

@@ -147,13 +147,13 @@ def test_a_jolt_while_running(board: Board, drift: float, good: bool) -> None:
 
 @pytest.mark.parametrize("phase", range(3))
 def test_an_open_phase_ends_in_fault(board: Board, phase: int) -> None:
-    """Its current reads nothing, the others' are opposite, for half a turn and 100 ms; the angle turns as stated."""
+    """Its current reads nothing, the others' are opposite, for 3 rad and 100 ms; the angle turns as stated."""
     running(board)
     count = 3 * board.interrupts(LOCKED)
     turn = rate(board, LOCKED, 1.0)
     other = 0.5 * ampere(board, 1.0)
     board.now.phase[:] = [(0.0, other), (other, 0.0), (other, -other)][phase]
-    half_turn = math.ceil(math.pi / (board.drive.motor.pole_pairs * board.T * turn))
+    half_turn = math.ceil(3.0 / (board.drive.motor.pole_pairs * board.T * turn))
     last = half_turn + board.interrupts(OPEN) - 1
     assert spin(board, last + count, turn, stop="0") in {last, last + 1}
     assert (board.mode, board.reason) == ("FAULT", "PHASE")

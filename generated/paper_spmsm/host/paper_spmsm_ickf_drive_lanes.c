@@ -39,7 +39,7 @@
 #define LEAST_SINE 0.1f /* of the angle between two readings: it tells the direction */
 #define CATCH_JOLT_SQUARED 0.01f /* rad^2: so far off may the angle be, beside half of what is stated */
 #define RUN_JOLT_SQUARED 0.09f /* rad^2: the same in a window of RUNNING, where a jolt may come */
-#define SILENT_TURN_SQUARED 9.869604f /* rad^2: without a current in one phase alone it is open */
+#define SILENT_TURN_SQUARED 9.0f /* rad^2: without a current in one phase alone it is open */
 #define MOST_SPEED_SQUARED 360000.0f /* (rad/s)^2: no motor turns faster; thrice the box's */
 #define UNKNOWN_SPEED 10000.0f /* (rad/s)^2: of a rotor that turns */
 #define UNKNOWN_ANGLE 0.01f /* rad^2: what the probe leaves open */
@@ -62,6 +62,7 @@
 #define MOST_VARIANCE 0.27415568f /* rad^2: an angle that P knows no better is not seen */
 #define LEAST_SPEED_SQUARED 16.868622f /* (rad/s)^2: below it a back-EMF is too small */
 #define LOST (-1) /* a mode that is none */
+#define ANY_DELAY (-1)
 
 /* Adding and subtracting it rounds to the nearest integer. */
 #define ROUND 1.2582912e+07f
@@ -598,7 +599,8 @@ static void watch(paper_spmsm_ickf_supervisor_lanes_t *__restrict s,
 
 /* Which transition each lane takes, 0 for none; says whether there is any. */
 static int ask(const paper_spmsm_ickf_supervisor_lanes_t *__restrict s, const paper_spmsm_ickf_lanes_t *__restrict f,
-    const int *__restrict status, const lanes *__restrict currents, int *__restrict taken)
+    const int *__restrict status, const lanes *__restrict currents,
+    int *__restrict taken)
 {
     int lane;
     int any = 0;

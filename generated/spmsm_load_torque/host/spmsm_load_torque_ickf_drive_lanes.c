@@ -39,7 +39,7 @@
 #define LEAST_SINE 0.1f /* of the angle between two readings: it tells the direction */
 #define CATCH_JOLT_SQUARED 0.01f /* rad^2: so far off may the angle be, beside half of what is stated */
 #define RUN_JOLT_SQUARED 0.09f /* rad^2: the same in a window of RUNNING, where a jolt may come */
-#define SILENT_TURN_SQUARED 9.869604f /* rad^2: without a current in one phase alone it is open */
+#define SILENT_TURN_SQUARED 9.0f /* rad^2: without a current in one phase alone it is open */
 #define MOST_SPEED_SQUARED 360000.0f /* (rad/s)^2: no motor turns faster; thrice the box's */
 #define UNKNOWN_SPEED 10000.0f /* (rad/s)^2: of a rotor that turns */
 #define UNKNOWN_ANGLE 0.01f /* rad^2: what the probe leaves open */
@@ -76,6 +76,7 @@
 #define MOST_VARIANCE 0.27415568f /* rad^2: an angle that P knows no better is not seen */
 #define LEAST_SPEED_SQUARED 16.868622f /* (rad/s)^2: below it a back-EMF is too small */
 #define LOST (-1) /* a mode that is none */
+#define ANY_DELAY (-1)
 
 /* Adding and subtracting it rounds to the nearest integer. */
 #define ROUND 1.2582912e+07f
@@ -714,11 +715,13 @@ static void watch(spmsm_load_torque_ickf_supervisor_lanes_t *__restrict s,
 
 /* Which transition each lane takes, 0 for none; says whether there is any. */
 static int ask(const spmsm_load_torque_ickf_supervisor_lanes_t *__restrict s, const spmsm_load_torque_ickf_lanes_t *__restrict f,
-    const int *__restrict status, const lanes *__restrict currents, int *__restrict taken)
+    const int *__restrict status, const lanes *__restrict currents, const lanes *__restrict references,
+    int *__restrict taken)
 {
     int lane;
     int any = 0;
     for (lane = 0; lane < LANES; lane++) {
+        const float32 reference = references[0].of[lane];
         int next = LOST;
         int of_0 = 0; /* RESTING */
         int of_1 = 0; /* PROBING */
@@ -1046,7 +1049,7 @@ void spmsm_load_torque_ickf_supervise_lanes(spmsm_load_torque_ickf_supervisor_la
         s->fresh[lane] = 0;
         s->anew[lane] = 0;
     }
-    if (ask(s, f, status, phase, taken) != 0) {
+    if (ask(s, f, status, phase, reference, taken) != 0) {
         for (lane = 0; lane < LANES; lane++) {
             if (taken[lane] != 0) {
                 carry_out(s, f, phase, taken[lane], lane);
@@ -1138,7 +1141,6 @@ static int count_running(const spmsm_load_torque_ickf_supervisor_lanes_t *s)
     }
     return running;
 }
-
 /* The rival's step in the lanes that have one. */
 static void run_rivals(spmsm_load_torque_ickf_drive_lanes_t *d, const lanes *phase)
 {
@@ -1161,6 +1163,19 @@ static void run_rivals(spmsm_load_torque_ickf_drive_lanes_t *d, const lanes *pha
     }
 }
 
+/* The speed to go for: the reference, or what a start goes for at least. */
+static void ask_speed(const spmsm_load_torque_ickf_supervisor_lanes_t *__restrict s, const lanes *__restrict command,
+    lanes *__restrict asked)
+{
+    int lane;
+    for (lane = 0; lane < LANES; lane++) {
+        const float32 reference = command[0].of[lane];
+        const float32 start = s->asked[0].of[lane];
+        asked[0].of[lane] = (s->rivals[lane] != 0) ? start : reference;
+        asked[1].of[lane] = command[1].of[lane];
+    }
+}
+
 /* The largest current, as mode and DC link limit it. */
 static void limit_current(spmsm_load_torque_ickf_foc_lanes_t *__restrict c, const spmsm_load_torque_ickf_supervisor_lanes_t *__restrict s,
     const lanes *__restrict share)
@@ -1173,19 +1188,6 @@ static void limit_current(spmsm_load_torque_ickf_foc_lanes_t *__restrict c, cons
         const float32 start = SPMSM_LOAD_TORQUE_ICKF_START_SHARE * max_current;
         const float32 allowed = (s->rivals[lane] != 0) ? start : of_mode;
         c->gain[MAX_CURRENT].of[lane] = allowed * share[0].of[lane];
-    }
-}
-
-/* The speed to go for: the reference, or what a start goes for at least. */
-static void ask_speed(const spmsm_load_torque_ickf_supervisor_lanes_t *__restrict s, const lanes *__restrict command,
-    lanes *__restrict asked)
-{
-    int lane;
-    for (lane = 0; lane < LANES; lane++) {
-        const float32 reference = command[0].of[lane];
-        const float32 start = s->asked[0].of[lane];
-        asked[0].of[lane] = (s->rivals[lane] != 0) ? start : reference;
-        asked[1].of[lane] = command[1].of[lane];
     }
 }
 

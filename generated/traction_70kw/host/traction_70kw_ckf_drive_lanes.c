@@ -39,7 +39,7 @@
 #define LEAST_SINE 0.1f /* of the angle between two readings: it tells the direction */
 #define CATCH_JOLT_SQUARED 0.01f /* rad^2: so far off may the angle be, beside half of what is stated */
 #define RUN_JOLT_SQUARED 0.09f /* rad^2: the same in a window of RUNNING, where a jolt may come */
-#define SILENT_TURN_SQUARED 9.869604f /* rad^2: without a current in one phase alone it is open */
+#define SILENT_TURN_SQUARED 9.0f /* rad^2: without a current in one phase alone it is open */
 #define MOST_SPEED_SQUARED 6.320196e+06f /* (rad/s)^2: no motor turns faster; thrice the box's */
 #define UNKNOWN_SPEED 175561.0f /* (rad/s)^2: of a rotor that turns */
 #define UNKNOWN_ANGLE 0.01f /* rad^2: what the probe leaves open */
@@ -81,6 +81,7 @@
 #define MAX_CURRENT 5 /* the controller's gain of that name */
 #define MOST_VARIANCE 0.27415568f /* rad^2: an angle that P knows no better is not seen */
 #define LOST (-1) /* a mode that is none */
+#define ANY_DELAY (-1)
 
 /* Adding and subtracting it rounds to the nearest integer. */
 #define ROUND 1.2582912e+07f
@@ -736,11 +737,13 @@ static void watch(traction_70kw_ckf_supervisor_lanes_t *__restrict s,
 
 /* Which transition each lane takes, 0 for none; says whether there is any. */
 static int ask(const traction_70kw_ckf_supervisor_lanes_t *__restrict s, const traction_70kw_ckf_lanes_t *__restrict f,
-    const int *__restrict status, const lanes *__restrict currents, int *__restrict taken)
+    const int *__restrict status, const lanes *__restrict currents, const lanes *__restrict references,
+    int *__restrict taken)
 {
     int lane;
     int any = 0;
     for (lane = 0; lane < LANES; lane++) {
+        const float32 reference = references[0].of[lane];
         int next = LOST;
         int of_0 = 0; /* RESTING */
         int of_1 = 0; /* PROBING */
@@ -1068,7 +1071,7 @@ void traction_70kw_ckf_supervise_lanes(traction_70kw_ckf_supervisor_lanes_t *s, 
         s->fresh[lane] = 0;
         s->anew[lane] = 0;
     }
-    if (ask(s, f, status, phase, taken) != 0) {
+    if (ask(s, f, status, phase, reference, taken) != 0) {
         for (lane = 0; lane < LANES; lane++) {
             if (taken[lane] != 0) {
                 carry_out(s, f, phase, taken[lane], lane);
@@ -1195,7 +1198,6 @@ static int count_running(const traction_70kw_ckf_supervisor_lanes_t *s)
     }
     return running;
 }
-
 /* The rival's step in the lanes that have one. */
 static void run_rivals(traction_70kw_ckf_drive_lanes_t *d, const lanes *phase)
 {
@@ -1218,6 +1220,19 @@ static void run_rivals(traction_70kw_ckf_drive_lanes_t *d, const lanes *phase)
     }
 }
 
+/* The speed to go for: the reference, or what a start goes for at least. */
+static void ask_speed(const traction_70kw_ckf_supervisor_lanes_t *__restrict s, const lanes *__restrict command,
+    lanes *__restrict asked)
+{
+    int lane;
+    for (lane = 0; lane < LANES; lane++) {
+        const float32 reference = command[0].of[lane];
+        const float32 start = s->asked[0].of[lane];
+        asked[0].of[lane] = (s->rivals[lane] != 0) ? start : reference;
+        asked[1].of[lane] = command[1].of[lane];
+    }
+}
+
 /* The largest current, as mode and DC link limit it. */
 static void limit_current(traction_70kw_ckf_foc_lanes_t *__restrict c, const traction_70kw_ckf_supervisor_lanes_t *__restrict s,
     const lanes *__restrict share)
@@ -1230,19 +1245,6 @@ static void limit_current(traction_70kw_ckf_foc_lanes_t *__restrict c, const tra
         const float32 start = TRACTION_70KW_CKF_START_SHARE * max_current;
         const float32 allowed = (s->rivals[lane] != 0) ? start : of_mode;
         c->gain[MAX_CURRENT].of[lane] = allowed * share[0].of[lane];
-    }
-}
-
-/* The speed to go for: the reference, or what a start goes for at least. */
-static void ask_speed(const traction_70kw_ckf_supervisor_lanes_t *__restrict s, const lanes *__restrict command,
-    lanes *__restrict asked)
-{
-    int lane;
-    for (lane = 0; lane < LANES; lane++) {
-        const float32 reference = command[0].of[lane];
-        const float32 start = s->asked[0].of[lane];
-        asked[0].of[lane] = (s->rivals[lane] != 0) ? start : reference;
-        asked[1].of[lane] = command[1].of[lane];
     }
 }
 
@@ -1297,7 +1299,6 @@ static void finish(traction_70kw_ckf_drive_lanes_t *__restrict d, const lanes *_
 }
 
 /* target = source in the lanes that have torque and of which the delay is this one; of any: ANY_DELAY. */
-#define ANY_DELAY (-1)
 static void take_injected(lanes *__restrict target, const lanes *__restrict source,
     const traction_70kw_ckf_drive_lanes_t *__restrict d, int count, int delayed)
 {

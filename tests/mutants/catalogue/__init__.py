@@ -6,6 +6,7 @@ from __future__ import annotations
 from tests.mutants.catalogue.control import CONTROL
 from tests.mutants.catalogue.data import data_mutants
 from tests.mutants.catalogue.design import DESIGN
+from tests.mutants.catalogue.drive_lanes import DRIVE_LANES
 from tests.mutants.catalogue.fast import FORM
 from tests.mutants.catalogue.filters import FILTERS
 from tests.mutants.catalogue.inverter import INVERTER
@@ -30,6 +31,7 @@ SOURCES: tuple[Mutant, ...] = (
     *ARITHMETIC,
     *CONTROL,
     *SUPERVISOR,
+    *DRIVE_LANES,
     *SURROUNDINGS,
     *JUDGES,
     *RECORDINGS,

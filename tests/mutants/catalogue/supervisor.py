@@ -10,8 +10,6 @@ LOADED, SLOW, FLUX, ALONE, FAST = (
     (f"supervisor {drive}",)
     for drive in ("spmsm_load_torque", "ipmsm_adaptive", "ipmsm_flux", "paper_spmsm", "traction_70kw")
 )
-#: The lane form of the drive, by its scalar form.
-LOADED_LANES, FLUX_LANES = ((f"drive-lanes {drive}",) for drive in ("spmsm_load_torque", "ipmsm_flux"))
 
 Rows = tuple[tuple[str, str, str, tuple[str, ...]], ...]
 
@@ -41,7 +39,7 @@ _TABLE: Rows = (
     ("caught filter is not started", '("place", "start_filter", "void_voltages", "begin_anew"),', '("place", "void_voltages", "begin_anew"),', LOADED),
     ("voltages of before PROBING", '"start_filter", "void_voltages", "begin_anew"),', '"start_filter", "begin_anew"),', LOADED),
     ("regulators of before PROBING", '"start_filter", "void_voltages", "begin_anew"),', '"start_filter", "void_voltages"),', LOADED),
-    ("a rotor that stands is run", '("STARTING", "") if rivals', '("RUNNING", "") if rivals', LOADED),
+    ("a rotor that stands is run", '("STARTING", ", and the reference asks for motion")', '("RUNNING", ", and the reference asks for motion")', LOADED),
     ("alone: stands without a start", 'else ("start_at_rest",)', 'else ("void_voltages",)', ALONE),
     ("both filters at one guess", '"guess_opposite", "place", OnRival("start_filter"))', '"place", OnRival("start_filter"))', LOADED),
     ("the filter at the rival's guess", '"guess_opposite", "place", OnRival("start_filter"))', '"guess_opposite", "place", "start_filter")', LOADED),
@@ -337,65 +335,22 @@ _MODULE: Rows = (
 )  # fmt: skip
 
 
-_LANES_PRINTER: Rows = (
-    ("lanes: the rival is not copied", 'return [f"{pad}copy_lane(&s->rival, f, sizeof(s->rival), lane);"]', "return []", LOADED_LANES),
-    ("lanes: filter and rival stay", 'return [f"{pad}exchange_lane(f, &s->rival, sizeof(s->rival), lane);"]', "return []", LOADED_LANES),
-    ("lanes: no restart", 'return [f"{pad}reset(f, lane);"]', "return []", LOADED_LANES),
-    ("lanes: a filter's field of lane 0", 'return f"{text}[lane]" if entry.place is None else f"{text}.of[lane]"', 'return f"{text}[lane]" if entry.place is None else f"{text}.of[0]"', LOADED_LANES),
-    ("lanes: nothing is fetched for a block", 'return [*lines(dict.fromkeys(inputs), True), call,', "return [call,", LOADED_LANES),
-    ("lanes: what a block made is lost", "call, *lines(outputs, False)]", "call]", LOADED_LANES),
-    ("lanes: a branch within no other", 'lines = [f"{hit} = {given}(', 'lines = [f"{hit} = (', LOADED_LANES),
-    ("lanes: the other branch within no other", '{miss} = {given}!(', "{miss} = !(", LOADED_LANES),
-    ("lanes: counted in every lane", "({f'{where} & ' if where else ''}{more})", "({more})", LOADED_LANES),
-    ("lanes: a block in every lane", 'self._kept(f"{name}[{k}]", f"{name}_new[{k}]", where)', 'self._kept(f"{name}[{k}]", f"{name}_new[{k}]", "")', LOADED_LANES),
-    ("lanes: the last guard has the last word", "in reversed(self.machine.leaving(mode.name)):", "in self.machine.leaving(mode.name):", LOADED_LANES),
-    ("lanes: no mode rests not", 'go(s, PMSM_{first}, lane); /* no mode', "; /* no mode", LOADED_LANES),
-    ("lanes: no reason is kept", 's->reason[lane] = PMSM_REASON_{transition.reason};', ";", LOADED_LANES),
-    ("lanes: one word of what a mode allows", "' | '.join(modes)", "modes[0]", LOADED_LANES),
-)  # fmt: skip
-
-_LANES_C: Rows = (
-    ("lanes: reset keeps the voltage", "    f->u_held[1].of[lane] = 0.0f;\n", "", LOADED_LANES),
-    ("lanes: reset keeps the count", "    f->iterations[lane] = 0;\n", "", LOADED_LANES),
-    ("lanes: time goes on in a new mode", "    s->since[lane] = 0;\n", "", LOADED_LANES),
-    ("lanes: voltages of before", "(s->fresh[lane] != 0) ? 0.0f : queued", "queued", LOADED_LANES),
-    ("lanes: regulators of before", "(s->anew[lane] != 0) ? 0.0f : before", "before", LOADED_LANES),
-    ("lanes: every rival runs", "if ((d->supervisor.runs[lane] == 0) || (d->supervisor.rivals[lane] == 0)) {", "if (d->supervisor.runs[lane] == 0) {", LOADED_LANES),
-    ("lanes: a filter that rests runs", "            if (d->supervisor.runs[lane] == 0) {\n", "            if (d->supervisor.runs[lane] < 0) {\n", LOADED_LANES),
-    ("lanes: a start with all of the current", "const float32 start = {{ p | upper }}_START_SHARE * max_current;", "const float32 start = max_current;", LOADED_LANES),
-    ("lanes: torque of any link", "allowed * share[0].of[lane];", "allowed;", LOADED_LANES),
-    ("lanes: current limited for ever", "    d->control.gain[MAX_CURRENT] = max_current;\n", "", LOADED_LANES),
-    ("lanes: not seen without torque", "((torque & (1 - seen)) != 0)", "((1 - seen) != 0)", LOADED_LANES),
-    ("lanes: status of before", "(runs != 0) ? bits : 0", "bits", LOADED_LANES),
-    ("lanes: duty cycles of before", "(d->supervisor.runs[lane] != 0) ? own : 0.5f", "own", LOADED_LANES),
-    ("lanes: the wave in the wrong voltage", "take_injected(d->control.v_acting, v, d, 2, 0);", "take_injected(d->control.v_acting, v, d, 2, 1);", FLUX_LANES),
-    ("lanes: the wave without torque", "const int here = ((delayed == ANY_DELAY) | (delayed == of_delay)) ? torque : 0;", "const int here = ((delayed == ANY_DELAY) | (delayed == of_delay)) ? 1 : 0;", FLUX_LANES),
-)  # fmt: skip
-
-
-_LANE_COPIES: Rows = (
-    ("lanes: a status that is not filled", "    d->status[lane] = drive->status;\n", "", LOADED_LANES),
-)  # fmt: skip
-
-
-def _of(file: str, rows: Rows) -> tuple[Mutant, ...]:
+def rows_of(file: str, rows: Rows) -> tuple[Mutant, ...]:
+    """Mutants of a file."""
     return tuple(Mutant("supervisor", f"{file}: {name}", checks, file, old, new) for name, old, new, checks in rows)
 
 
 SUPERVISOR = (
-    *_of("model/supervisor/table.py", _TABLE),
-    *_of("model/supervisor/actions.py", _ACTIONS),
-    *_of("model/supervisor/limits.py", _LIMITS),
-    *_of("model/supervisor/blocks.py", _BLOCKS),
-    *_of("model/supervisor/words.py", _WORDS),
-    *_of("codegen/render/printers/modes.py", _PRINTERS),
-    *_of("codegen/render/printers/places.py", _PLACES),
-    *_of("codegen/render/templates/supervisor.c.j2", _SUPERVISOR_C),
-    *_of("model/loop/link_limits.py", _LINK),
-    *_of("model/loop/observability.py", _SEEN),
-    *_of("codegen/render/templates/drive.c.j2", _DRIVE_C),
-    *_of("codegen/render/templates/supervisor.py.j2", _MODULE),
-    *_of("codegen/render/printers/mode_lanes.py", _LANES_PRINTER),
-    *_of("codegen/render/templates/drive_lanes.c.j2", _LANES_C),
-    *_of("codegen/render/templates/lane_copies.j2", _LANE_COPIES),
+    *rows_of("model/supervisor/table.py", _TABLE),
+    *rows_of("model/supervisor/actions.py", _ACTIONS),
+    *rows_of("model/supervisor/limits.py", _LIMITS),
+    *rows_of("model/supervisor/blocks.py", _BLOCKS),
+    *rows_of("model/supervisor/words.py", _WORDS),
+    *rows_of("codegen/render/printers/modes.py", _PRINTERS),
+    *rows_of("codegen/render/printers/places.py", _PLACES),
+    *rows_of("codegen/render/templates/supervisor.c.j2", _SUPERVISOR_C),
+    *rows_of("model/loop/link_limits.py", _LINK),
+    *rows_of("model/loop/observability.py", _SEEN),
+    *rows_of("codegen/render/templates/drive.c.j2", _DRIVE_C),
+    *rows_of("codegen/render/templates/supervisor.py.j2", _MODULE),
 )
