@@ -112,6 +112,7 @@
 #define CATCH_JOLT_SQUARED 0.01f /* rad^2: so far off may the angle be, beside half of what is stated */
 #define RUN_JOLT_SQUARED 0.09f /* rad^2: the same in a window of RUNNING, where a jolt may come */
 #define SILENT_TURN_SQUARED 9.0f /* rad^2: without a current in one phase alone it is open */
+#define OPEN_SPEED_SQUARED 223.00217f /* (rad/s)^2: from here on a phase may be found open */
 #define MOST_SPEED_SQUARED 360000.0f /* (rad/s)^2: no motor turns faster; thrice the box's */
 #define UNKNOWN_SPEED 10000.0f /* (rad/s)^2: of a rotor that turns */
 #define UNKNOWN_ANGLE 0.01f /* rad^2: what the probe leaves open */
@@ -203,21 +204,21 @@ static void turn_guess(const float32 guess[4], float32 guess_out[4])
 /* How far the angle turned, and how far it should have by the speed */
 static void watch_turning(const float32 x[7], const float32 turning[5], float32 turning_out[5])
 {
+    const float32 turned = turning[0];
     const float32 theta = x[3];
     const float32 theta_before = turning[2];
-    const float32 moved_now = wrap_angle(theta - theta_before);
-    const float32 turned = turning[0];
-    const float32 turned_now = turned + moved_now;
-    const float32 stated = turning[1];
+    const float32 turned_now = turned + wrap_angle(theta - theta_before);
     const float32 omega = x[2];
-    const float32 stated_now = stated + TURN_PER_SAMPLE * omega;
+    const float32 turn_now = TURN_PER_SAMPLE * omega;
+    const float32 stated = turning[1];
+    const float32 stated_now = stated + turn_now;
     const float32 off = turned_now - stated_now;
 
     turning_out[0] = turned_now;
     turning_out[1] = stated_now;
     turning_out[2] = theta;
     turning_out[3] = off * off - 0.25f * (stated_now * stated_now);
-    turning_out[4] = moved_now;
+    turning_out[4] = turn_now;
 }
 
 /* Direction and size of the current, and how it turned since the first reading */
@@ -601,31 +602,30 @@ static void watch(ipmsm_adaptive_ckf_supervisor_t *s, const ipmsm_adaptive_ckf_t
             s->content = 0;
         }
         watch_turning(f->x, s->turning, s->turning);
-        if ((phase[0] * phase[0] > PROBE_SQUARED) || (phase[1] * phase[1] > PROBE_SQUARED)) {
-            s->silent[0] = s->silent[0] + s->turning[4];
-            if (phase[0] * phase[0] > ZERO_SQUARED) {
-                s->silent[0] = 0.0f;
-            }
-            s->silent[1] = s->silent[1] + s->turning[4];
-            if (phase[1] * phase[1] > ZERO_SQUARED) {
-                s->silent[1] = 0.0f;
-            }
-            s->silent[2] = s->silent[2] + s->turning[4];
-            if ((phase[0] + phase[1]) * (phase[0] + phase[1]) > ZERO_SQUARED) {
-                s->silent[2] = 0.0f;
-            }
-        } else {
-            s->silent[0] = s->silent[0] - 0.25f * s->turning[4];
-            if (s->silent[0] * s->turning[4] < 0.0f) {
-                s->silent[0] = 0.0f;
-            }
-            s->silent[1] = s->silent[1] - 0.25f * s->turning[4];
-            if (s->silent[1] * s->turning[4] < 0.0f) {
-                s->silent[1] = 0.0f;
-            }
-            s->silent[2] = s->silent[2] - 0.25f * s->turning[4];
-            if (s->silent[2] * s->turning[4] < 0.0f) {
-                s->silent[2] = 0.0f;
+        if (f->x[IPMSM_ADAPTIVE_CKF_OMEGA] * f->x[IPMSM_ADAPTIVE_CKF_OMEGA] > OPEN_SPEED_SQUARED) {
+            if ((phase[0] * phase[0] > PROBE_SQUARED) || (phase[1] * phase[1] > PROBE_SQUARED)) {
+                s->silent[0] = s->silent[0] + s->turning[4];
+                if (phase[0] * phase[0] > ZERO_SQUARED) {
+                    s->silent[0] = 0.0f;
+                }
+                s->silent[1] = s->silent[1] + s->turning[4];
+                if (phase[1] * phase[1] > ZERO_SQUARED) {
+                    s->silent[1] = 0.0f;
+                }
+                s->silent[2] = s->silent[2] + s->turning[4];
+                if ((phase[0] + phase[1]) * (phase[0] + phase[1]) > ZERO_SQUARED) {
+                    s->silent[2] = 0.0f;
+                }
+            } else {
+                if (s->silent[0] * s->turning[4] > 0.0f) {
+                    s->silent[0] = s->silent[0] - 0.1f * s->turning[4];
+                }
+                if (s->silent[1] * s->turning[4] > 0.0f) {
+                    s->silent[1] = s->silent[1] - 0.1f * s->turning[4];
+                }
+                if (s->silent[2] * s->turning[4] > 0.0f) {
+                    s->silent[2] = s->silent[2] - 0.1f * s->turning[4];
+                }
             }
         }
         if ((s->silent[0] * s->silent[0] >= SILENT_TURN_SQUARED) || (s->silent[1] * s->silent[1] >= SILENT_TURN_SQUARED) || (s->silent[2] * s->silent[2] >= SILENT_TURN_SQUARED)) {

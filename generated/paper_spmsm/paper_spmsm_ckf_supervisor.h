@@ -49,7 +49,7 @@ typedef struct {
     int mirrored; /* 1: the guess is not turned round: it was already, or the current told which way */
     int failures; /* attempts in a row that did not end in steady running */
     int steady; /* windows of RUNNING in a row */
-    float32 turning[5]; /* rad: the angle turned, should have by the speed; angle before; rad^2: doubt; rad: turned now */
+    float32 turning[5]; /* rad: the angle turned, should have by the speed; angle before; rad^2: doubt; rad, now */
     float32 silent[3]; /* rad: so far the rotor turned while phase a, b, c alone carried no current */
     float32 eased[1]; /* share of the largest current that RUNNING allows */
     float32 probe[2]; /* 1 or -1: where the reference points; intervals of zero voltage */

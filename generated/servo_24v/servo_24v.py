@@ -1098,6 +1098,7 @@ LEAST_SINE = 0.1  # of the angle between two readings: it tells the direction
 CATCH_JOLT_SQUARED = 0.010000000000000002  # rad^2: so far off may the angle be, beside half of what is stated
 RUN_JOLT_SQUARED = 0.09  # rad^2: the same in a window of RUNNING, where a jolt may come
 SILENT_TURN_SQUARED = 9.0  # rad^2: without a current in one phase alone it is open
+OPEN_SPEED_SQUARED = 156.25  # (rad/s)^2: from here on a phase may be found open
 MOST_SPEED_SQUARED = 3549456.0  # (rad/s)^2: no motor turns faster; thrice the box's
 UNKNOWN_SPEED = 98596.0  # (rad/s)^2: of a rotor that turns
 UNKNOWN_ANGLE = 0.01  # rad^2: what the probe leaves open
@@ -1240,12 +1241,12 @@ def watch_turning(x, turning, math, stages=None):
     turned = turning[0]
     stated = turning[1]
     theta_before = turning[2]
-    moved_now = math.wrap(theta - theta_before)
-    turned_now = turned + moved_now
-    stated_now = stated + TURN_PER_SAMPLE * omega
+    turned_now = turned + math.wrap(theta - theta_before)
+    turn_now = TURN_PER_SAMPLE * omega
+    stated_now = stated + turn_now
     off = turned_now - stated_now
 
-    return (turned_now, stated_now, theta, off * off - 0.25 * (stated_now * stated_now), moved_now,)
+    return (turned_now, stated_now, theta, off * off - 0.25 * (stated_now * stated_now), turn_now,)
 
 
 def read_current(phase, first, math, stages=None):
@@ -1589,33 +1590,31 @@ def _watch(s, f, status, phase, reference, math):
     s.content = np.where(miss_15, 0, s.content)[()]
     turning_new = watch_turning(f.x, turning, math)
     turning = list(_select(hit_12, turning_new, turning))
-    hit_16 = hit_12 & ((phase[0] * phase[0] > PROBE_SQUARED) | (phase[1] * phase[1] > PROBE_SQUARED))
-    miss_16 = (hit_12 & np.logical_not((phase[0] * phase[0] > PROBE_SQUARED) |
+    hit_16 = hit_12 & (f.x[2] * f.x[2] > OPEN_SPEED_SQUARED)
+    hit_17 = hit_16 & ((phase[0] * phase[0] > PROBE_SQUARED) | (phase[1] * phase[1] > PROBE_SQUARED))
+    miss_17 = (hit_16 & np.logical_not((phase[0] * phase[0] > PROBE_SQUARED) |
         (phase[1] * phase[1] > PROBE_SQUARED)))
-    silent[0] = np.where(hit_16, silent[0] + turning[4], silent[0])[()]
-    hit_17 = hit_16 & (phase[0] * phase[0] > ZERO_SQUARED)
-    silent[0] = np.where(hit_17, 0.0, silent[0])[()]
-    silent[1] = np.where(hit_16, silent[1] + turning[4], silent[1])[()]
-    hit_18 = hit_16 & (phase[1] * phase[1] > ZERO_SQUARED)
-    silent[1] = np.where(hit_18, 0.0, silent[1])[()]
-    silent[2] = np.where(hit_16, silent[2] + turning[4], silent[2])[()]
-    hit_19 = hit_16 & ((phase[0] + phase[1]) * (phase[0] + phase[1]) > ZERO_SQUARED)
-    silent[2] = np.where(hit_19, 0.0, silent[2])[()]
-    silent[0] = np.where(miss_16, silent[0] - 0.25 * turning[4], silent[0])[()]
-    hit_20 = miss_16 & (silent[0] * turning[4] < 0.0)
-    silent[0] = np.where(hit_20, 0.0, silent[0])[()]
-    silent[1] = np.where(miss_16, silent[1] - 0.25 * turning[4], silent[1])[()]
-    hit_21 = miss_16 & (silent[1] * turning[4] < 0.0)
-    silent[1] = np.where(hit_21, 0.0, silent[1])[()]
-    silent[2] = np.where(miss_16, silent[2] - 0.25 * turning[4], silent[2])[()]
-    hit_22 = miss_16 & (silent[2] * turning[4] < 0.0)
-    silent[2] = np.where(hit_22, 0.0, silent[2])[()]
-    hit_23 = (hit_12 & ((silent[0] * silent[0] >= SILENT_TURN_SQUARED) |
+    silent[0] = np.where(hit_17, silent[0] + turning[4], silent[0])[()]
+    hit_18 = hit_17 & (phase[0] * phase[0] > ZERO_SQUARED)
+    silent[0] = np.where(hit_18, 0.0, silent[0])[()]
+    silent[1] = np.where(hit_17, silent[1] + turning[4], silent[1])[()]
+    hit_19 = hit_17 & (phase[1] * phase[1] > ZERO_SQUARED)
+    silent[1] = np.where(hit_19, 0.0, silent[1])[()]
+    silent[2] = np.where(hit_17, silent[2] + turning[4], silent[2])[()]
+    hit_20 = hit_17 & ((phase[0] + phase[1]) * (phase[0] + phase[1]) > ZERO_SQUARED)
+    silent[2] = np.where(hit_20, 0.0, silent[2])[()]
+    hit_21 = miss_17 & (silent[0] * turning[4] > 0.0)
+    silent[0] = np.where(hit_21, silent[0] - 0.1 * turning[4], silent[0])[()]
+    hit_22 = miss_17 & (silent[1] * turning[4] > 0.0)
+    silent[1] = np.where(hit_22, silent[1] - 0.1 * turning[4], silent[1])[()]
+    hit_23 = miss_17 & (silent[2] * turning[4] > 0.0)
+    silent[2] = np.where(hit_23, silent[2] - 0.1 * turning[4], silent[2])[()]
+    hit_24 = (hit_12 & ((silent[0] * silent[0] >= SILENT_TURN_SQUARED) |
         (silent[1] * silent[1] >= SILENT_TURN_SQUARED) | (silent[2] * silent[2] >= SILENT_TURN_SQUARED)))
-    miss_23 = (hit_12 & np.logical_not((silent[0] * silent[0] >= SILENT_TURN_SQUARED) |
+    miss_24 = (hit_12 & np.logical_not((silent[0] * silent[0] >= SILENT_TURN_SQUARED) |
         (silent[1] * silent[1] >= SILENT_TURN_SQUARED) | (silent[2] * silent[2] >= SILENT_TURN_SQUARED)))
-    s.open = np.where(hit_23 & (s.open < MAX_OPEN), s.open + 1, s.open)[()]
-    s.open = np.where(miss_23, 0, s.open)[()]
+    s.open = np.where(hit_24 & (s.open < MAX_OPEN), s.open + 1, s.open)[()]
+    s.open = np.where(miss_24, 0, s.open)[()]
     s.probe = tuple(probe)
     s.asked = tuple(asked)
     s.guess = tuple(guess)

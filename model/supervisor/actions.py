@@ -66,11 +66,7 @@ def watch(drive: Drive, model: StateSpaceModel, rivals: bool) -> tuple[Node, ...
                 _in_a_row("diverged", Reported(("DIVERGED",)), "MAX_DIVERGED"),
                 _in_a_row("content", good, "LOCKED_SAMPLES"),
                 Call(turning_block(drive, model)),
-                If(
-                    Either(tuple(Compare(">", square(i), Name("PROBE_SQUARED")) for i in phase)),
-                    tuple(node for k, i in enumerate((*phase, total(*phase))) for node in _silent(k, i)),
-                    tuple(node for k in range(3) for node in _less_silent(k)),
-                ),
+                _silence(model, phase),
                 _in_a_row("open", Either(tuple(_half_turn(k) for k in range(3))), "MAX_OPEN"),
             ),
         ),
@@ -119,11 +115,29 @@ def _silent(k: int, current: Value) -> tuple[Set, If]:
     return more, If(Compare(">", square(current), Name("ZERO_SQUARED")), (Set(silent, Number(0.0)),))
 
 
-def _less_silent(k: int) -> tuple[Set, If]:
-    """Where no phase carries a current a quarter of a turn is taken back: pulses now and then are no open phase."""
-    silent, moved = Entry("silent", k), Entry("turning", 4)
-    less = Set(silent, Operation("-", silent, Operation("*", Number(FORGOTTEN_TURN), moved)))
-    return less, If(Compare("<", Operation("*", silent, moved), Number(0.0)), (Set(silent, Number(0.0)),))
+def _silence(model: StateSpaceModel, phase: list[Entry]) -> If:
+    """For how far the rotor turned without a current in a phase, where it turns fast enough that its speed is one.
+
+    At rest R's voltage may be taken for a speed, and a phase has no current for as long as the rotor stands so.
+    """
+    omega = Entry("x", _rotor(model)[0])
+    return If(
+        Compare(">", square(omega), Name("OPEN_SPEED_SQUARED")),
+        (
+            If(
+                Either(tuple(Compare(">", square(i), Name("PROBE_SQUARED")) for i in phase)),
+                tuple(node for k, i in enumerate((*phase, total(*phase))) for node in _silent(k, i)),
+                tuple(_less_silent(k) for k in range(3)),
+            ),
+        ),
+    )
+
+
+def _less_silent(k: int) -> If:
+    """Where no phase carries a current a tenth of the turn is taken back: pulses now and then are no open phase."""
+    silent, turn = Entry("silent", k), Entry("turning", 4)
+    less = Operation("-", silent, Operation("*", Number(FORGOTTEN_TURN), turn))
+    return If(Compare(">", Operation("*", silent, turn), Number(0.0)), (Set(silent, less),))
 
 
 def _half_turn(k: int) -> Condition:

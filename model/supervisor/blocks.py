@@ -73,8 +73,7 @@ def turning_block(drive: Drive, model: StateSpaceModel) -> Block:
     """How far the angle turned, and how far it should have by the estimated speed.
 
     A filter that is half a turn off may believe in the opposite speed, but its angle is pushed along by the rotor.
-    ``doubt`` is the square of the difference, less that of half of what is stated; ``moved`` how far the angle turned
-    in this sample: a speed that is wrong at rest says that a rotor turns which does not.
+    ``doubt`` is the square of the difference, less that of half of what is stated; ``turn`` what this sample states.
 
     Parameters
     ----------
@@ -85,15 +84,15 @@ def turning_block(drive: Drive, model: StateSpaceModel) -> Block:
     b = BlockBuilder("watch_turning", "How far the angle turned, and how far it should have by the speed")
     x = b.input("x", [state.name for state in model.states])
     omega, theta = (x[[s.name for s in model.states].index(name)] for name in ("omega", "theta"))
-    turned, stated, theta_before, *_ = b.input("turning", ["turned", "stated", "theta_before", "doubt", "moved"])
-    moved = ca.remainder(theta - theta_before, 2 * math.pi)
-    turned = turned + moved
-    stated = stated + _turn_per_sample(drive) * omega
+    turned, stated, theta_before, *_ = b.input("turning", ["turned", "stated", "theta_before", "doubt", "turn"])
+    turned = turned + ca.remainder(theta - theta_before, 2 * math.pi)
+    turn = _turn_per_sample(drive) * omega
+    stated = stated + turn
     off = turned - stated
-    named = {"moved_now": moved, "turned_now": turned, "stated_now": stated, "off": off}
+    named = {"turned_now": turned, "turn_now": turn, "stated_now": stated, "off": off}
     b.stage("turned", "", "", list(named.values()), list(named), scale="none")
     doubt = off * off - ANGLE_SHARE**2 * (stated * stated)
-    b.output("turning", [turned, stated, theta, doubt, moved])
+    b.output("turning", [turned, stated, theta, doubt, turn])
     return b.build()
 
 

@@ -26,7 +26,7 @@ FIELDS = (
     Field("mirrored", "1: the guess is not turned round: it was already, or the current told which way"),
     Field("failures", "attempts in a row that did not end in steady running"),
     Field("steady", "windows of RUNNING in a row"),
-    Field("turning", "rad: the angle turned, should have by the speed; angle before; rad^2: doubt; rad: turned now", 5),
+    Field("turning", "rad: the angle turned, should have by the speed; angle before; rad^2: doubt; rad, now", 5),
     Field("silent", "rad: so far the rotor turned while phase a, b, c alone carried no current", 3),
     Field("eased", "share of the largest current that RUNNING allows", 1),
     Field("probe", "1 or -1: where the reference points; intervals of zero voltage", 2),

@@ -45,7 +45,7 @@ CATCH_JOLT, RUN_JOLT = 0.1, 0.3
 SILENT_TURN, MOST_SPEED = 3.0, 3.0
 #: Share of a turn without any current by which a phase is less silent. With a phase open the others carry a current
 #: over half of a turn or more (`ipmsm_flux`, 0.49, the least); pulses of torque at a crawl were 0.06 of it.
-FORGOTTEN_TURN = 0.25
+FORGOTTEN_TURN = 0.1
 #: Share of their variance that adaptive states keep meanwhile.
 HELD = 1e-3
 #: Of a start: share of the largest current; s, least window; rad, what ends one, and what is motion enough to judge by;
@@ -210,6 +210,7 @@ def _currents(drive: Drive) -> tuple[Limit, ...]:
         Limit("CATCH_JOLT_SQUARED", CATCH_JOLT**2, "rad^2: so far off may the angle be, beside half of what is stated"),
         Limit("RUN_JOLT_SQUARED", RUN_JOLT**2, "rad^2: the same in a window of RUNNING, where a jolt may come"),
         Limit("SILENT_TURN_SQUARED", SILENT_TURN**2, "rad^2: without a current in one phase alone it is open"),
+        Limit("OPEN_SPEED_SQUARED", start_speed(drive) ** 2, "(rad/s)^2: from here on a phase may be found open"),
         Limit("MOST_SPEED_SQUARED", (MOST_SPEED * speed) ** 2, "(rad/s)^2: no motor turns faster; thrice the box's"),
         Limit("UNKNOWN_SPEED", (UNKNOWN_SPEED * speed) ** 2, "(rad/s)^2: of a rotor that turns"),
         Limit("UNKNOWN_ANGLE", UNKNOWN_ANGLE, "rad^2: what the probe leaves open"),

@@ -32,7 +32,7 @@ CATCH_JOLT, RUN_JOLT = 0.1, 0.3
 #: rad, without a current in one phase; s, for which that goes on. Of the box's speed: more is no estimate.
 SILENT_TURN, OPEN, RUNAWAY_SPEED = 3.0, 100e-3, 3.0
 #: Of a turn without any current: so much less silent is a phase.
-FORGOTTEN = 0.25
+FORGOTTEN = 0.1
 #: A start: share of the largest current, s, rad, rad of motion enough; by so much better; the largest torque's cost.
 SHARE, WINDOW, TURN, MOTION, BETTER, LOAD = 0.8, 20e-3, 1.0, 0.5, 0.05, 0.3
 #: Of the speed that a start goes for at least: what is no more asks for no motion.

@@ -146,18 +146,19 @@ class Modes(Numbers):
         self._row(m, "content", good, self.samples(LOCKED))
         turned, stated, before = m.arrays["turning"][:3]
         omega, theta = f.x[2], f.x[3]
-        now = math.remainder(theta - before, 2 * math.pi)
-        turned += now
+        turned += math.remainder(theta - before, 2 * math.pi)
         stated += self.p * omega * self.T
         off, half = turned - stated, stated / 2
+        now = self.p * omega * self.T
         m.arrays["turning"] = [turned, stated, theta, (off - half) * (off + half), now]
         i_a, i_b = phase
-        if any(abs(i) > SHOWS * self.most for i in phase):
+        if not abs(omega) > self.slowest:
+            pass  # at rest a speed may be R's voltage
+        elif any(abs(i) > SHOWS * self.most for i in phase):
             turns = zip((i_a, i_b, -i_a - i_b), m.arrays["silent"], strict=True)
             m.arrays["silent"] = [0.0 if abs(i) > ZERO * self.most else turn + now for i, turn in turns]
         else:  # no current anywhere tells the less, the farther the rotor turns
-            left = (before - now * FORGOTTEN for before in m.arrays["silent"])
-            m.arrays["silent"] = [0.0 if turn * now < 0 else turn for turn in left]
+            m.arrays["silent"] = [s - now * FORGOTTEN if s * now > 0 else s for s in m.arrays["silent"]]
         self._row(m, "open", any(abs(turn) >= SILENT_TURN for turn in m.arrays["silent"]), self.samples(OPEN))
 
     @staticmethod

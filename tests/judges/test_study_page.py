@@ -32,7 +32,7 @@ def study(folder: Path, drives: tuple[str, ...] = ("a", "b"), kinds: tuple[str, 
         for drive in drives
         for k, kind in enumerate(kinds)
     )
-    statement: Any = SimpleNamespace(ranges=(Range("theta", -90.0, 90.0), Range("R", 0.7, 1.4)))
+    statement: Any = SimpleNamespace(ranges=(Range("theta", -90.0, 90.0), Range("R", 0.7, 1.4)), supervised=False)
     return Study(statement, RUNS, groups, folder, interrupted=False)
 
 

@@ -55,12 +55,19 @@ def test_the_status_says_it_at_speeds_about_the_least_one(share: float, said: bo
         assert bool(int(board.now.words[3]) & UNOBSERVABLE) == said
 
 
+class Held(Scenario):
+    """To its speed, and back to rest: a drive that never turned has no torque, and waits."""
+
+    def speed_reference(self, t: np.ndarray) -> np.ndarray:
+        return np.asarray(super().speed_reference(t) * np.clip((0.3 - t) / 0.1, 0.0, 1.0))
+
+
 def test_a_surface_motor_that_is_held_says_so_and_a_salient_one_does_not() -> None:
     for name, held in (("spmsm_load_torque", True), ("ipmsm", False)):
         folder = GeneratedFolder(GENERATED / name)
         simulator, supervised = Simulator(folder, "ckf"), Conditions(supervised=True, delay=1)
-        run = simulator.run(Scenario("held", 0.0, 0.05, 0.0, 0.1, 0.1), supervised)
-        torque = run.status[run.t > 0.05]
+        run = simulator.run(Held("held", 300.0, 0.05, 0.0, 0.5, 0.5), supervised)
+        torque = run.status[run.t > 0.4]
         assert np.all((torque & UNOBSERVABLE) != 0) == held
         assert np.any((torque & UNOBSERVABLE) != 0) == held
         fast = simulator.run(Scenario("fast", 1000.0, 0.1, 0.0, 0.1, 0.2), supervised)

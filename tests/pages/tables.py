@@ -126,8 +126,8 @@ DESIGN = Page(
 
 _EXPLORE_LONG = {
     "pmsm-ickf starts": ("pmsm-ickf starts paper_spmsm --filters ckf --runs 2", f"every drive and filter: {_FEWER}"),
-    "pmsm-ickf starts my_motor.toml --runs 1000 --turning --reverse --still --json starts.json": (
-        "pmsm-ickf starts my_motor.toml --runs 2 --turning --reverse --still --json starts.json",
+    "pmsm-ickf starts my_motor.toml --runs 1000 --turning --reverse --still --slow --json starts.json": (
+        "pmsm-ickf starts my_motor.toml --runs 2 --turning --reverse --still --slow --json starts.json",
         _FEWER,
     ),
     "pmsm-ickf faults": ("pmsm-ickf faults paper_spmsm --filters ckf --seeds 1", f"every drive and filter: {_FEWER}"),

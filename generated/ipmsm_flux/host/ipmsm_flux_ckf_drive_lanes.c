@@ -40,6 +40,7 @@
 #define CATCH_JOLT_SQUARED 0.01f /* rad^2: so far off may the angle be, beside half of what is stated */
 #define RUN_JOLT_SQUARED 0.09f /* rad^2: the same in a window of RUNNING, where a jolt may come */
 #define SILENT_TURN_SQUARED 9.0f /* rad^2: without a current in one phase alone it is open */
+#define OPEN_SPEED_SQUARED 223.00217f /* (rad/s)^2: from here on a phase may be found open */
 #define MOST_SPEED_SQUARED 360000.0f /* (rad/s)^2: no motor turns faster; thrice the box's */
 #define UNKNOWN_SPEED 10000.0f /* (rad/s)^2: of a rotor that turns */
 #define UNKNOWN_ANGLE 0.01f /* rad^2: what the probe leaves open */
@@ -191,21 +192,21 @@ INLINE void turn_guess(const float32 guess[4], float32 guess_out[4])
 /* How far the angle turned, and how far it should have by the speed */
 INLINE void watch_turning(const float32 x[4], const float32 turning[5], float32 turning_out[5])
 {
+    const float32 turned = turning[0];
     const float32 theta = x[3];
     const float32 theta_before = turning[2];
-    const float32 moved_now = wrap_angle(theta - theta_before);
-    const float32 turned = turning[0];
-    const float32 turned_now = turned + moved_now;
-    const float32 stated = turning[1];
+    const float32 turned_now = turned + wrap_angle(theta - theta_before);
     const float32 omega = x[2];
-    const float32 stated_now = stated + TURN_PER_SAMPLE * omega;
+    const float32 turn_now = TURN_PER_SAMPLE * omega;
+    const float32 stated = turning[1];
+    const float32 stated_now = stated + turn_now;
     const float32 off = turned_now - stated_now;
 
     turning_out[0] = turned_now;
     turning_out[1] = stated_now;
     turning_out[2] = theta;
     turning_out[3] = off * off - 0.25f * (stated_now * stated_now);
-    turning_out[4] = moved_now;
+    turning_out[4] = turn_now;
 }
 
 /* Direction and size of the current, and how it turned since the first reading */
@@ -576,15 +577,16 @@ static void watch(ipmsm_flux_ckf_supervisor_lanes_t *__restrict s, const ipmsm_f
         int miss_15;
         float32 turning_new[5];
         int hit_16;
-        int miss_16;
         int hit_17;
+        int miss_17;
         int hit_18;
         int hit_19;
         int hit_20;
         int hit_21;
         int hit_22;
         int hit_23;
-        int miss_23;
+        int hit_24;
+        int miss_24;
         since = s->since[lane];
         probe[0] = s->probe[0].of[lane];
         probe[1] = s->probe[1].of[lane];
@@ -676,32 +678,30 @@ static void watch(ipmsm_flux_ckf_supervisor_lanes_t *__restrict s, const ipmsm_f
         turning[2] = (hit_12 != 0) ? turning_new[2] : turning[2];
         turning[3] = (hit_12 != 0) ? turning_new[3] : turning[3];
         turning[4] = (hit_12 != 0) ? turning_new[4] : turning[4];
-        hit_16 = hit_12 & ((phase[0] * phase[0] > PROBE_SQUARED) | (phase[1] * phase[1] > PROBE_SQUARED));
-        miss_16 = hit_12 & !((phase[0] * phase[0] > PROBE_SQUARED) | (phase[1] * phase[1] > PROBE_SQUARED));
-        silent[0] = (hit_16 != 0) ? silent[0] + turning[4] : silent[0];
-        hit_17 = hit_16 & (phase[0] * phase[0] > ZERO_SQUARED);
-        silent[0] = (hit_17 != 0) ? 0.0f : silent[0];
-        silent[1] = (hit_16 != 0) ? silent[1] + turning[4] : silent[1];
-        hit_18 = hit_16 & (phase[1] * phase[1] > ZERO_SQUARED);
-        silent[1] = (hit_18 != 0) ? 0.0f : silent[1];
-        silent[2] = (hit_16 != 0) ? silent[2] + turning[4] : silent[2];
-        hit_19 = hit_16 & ((phase[0] + phase[1]) * (phase[0] + phase[1]) > ZERO_SQUARED);
-        silent[2] = (hit_19 != 0) ? 0.0f : silent[2];
-        silent[0] = (miss_16 != 0) ? silent[0] - 0.25f * turning[4] : silent[0];
-        hit_20 = miss_16 & (silent[0] * turning[4] < 0.0f);
-        silent[0] = (hit_20 != 0) ? 0.0f : silent[0];
-        silent[1] = (miss_16 != 0) ? silent[1] - 0.25f * turning[4] : silent[1];
-        hit_21 = miss_16 & (silent[1] * turning[4] < 0.0f);
-        silent[1] = (hit_21 != 0) ? 0.0f : silent[1];
-        silent[2] = (miss_16 != 0) ? silent[2] - 0.25f * turning[4] : silent[2];
-        hit_22 = miss_16 & (silent[2] * turning[4] < 0.0f);
-        silent[2] = (hit_22 != 0) ? 0.0f : silent[2];
-        hit_23 = hit_12 & ((silent[0] * silent[0] >= SILENT_TURN_SQUARED) |
+        hit_16 = hit_12 & (x[2] * x[2] > OPEN_SPEED_SQUARED);
+        hit_17 = hit_16 & ((phase[0] * phase[0] > PROBE_SQUARED) | (phase[1] * phase[1] > PROBE_SQUARED));
+        miss_17 = hit_16 & !((phase[0] * phase[0] > PROBE_SQUARED) | (phase[1] * phase[1] > PROBE_SQUARED));
+        silent[0] = (hit_17 != 0) ? silent[0] + turning[4] : silent[0];
+        hit_18 = hit_17 & (phase[0] * phase[0] > ZERO_SQUARED);
+        silent[0] = (hit_18 != 0) ? 0.0f : silent[0];
+        silent[1] = (hit_17 != 0) ? silent[1] + turning[4] : silent[1];
+        hit_19 = hit_17 & (phase[1] * phase[1] > ZERO_SQUARED);
+        silent[1] = (hit_19 != 0) ? 0.0f : silent[1];
+        silent[2] = (hit_17 != 0) ? silent[2] + turning[4] : silent[2];
+        hit_20 = hit_17 & ((phase[0] + phase[1]) * (phase[0] + phase[1]) > ZERO_SQUARED);
+        silent[2] = (hit_20 != 0) ? 0.0f : silent[2];
+        hit_21 = miss_17 & (silent[0] * turning[4] > 0.0f);
+        silent[0] = (hit_21 != 0) ? silent[0] - 0.1f * turning[4] : silent[0];
+        hit_22 = miss_17 & (silent[1] * turning[4] > 0.0f);
+        silent[1] = (hit_22 != 0) ? silent[1] - 0.1f * turning[4] : silent[1];
+        hit_23 = miss_17 & (silent[2] * turning[4] > 0.0f);
+        silent[2] = (hit_23 != 0) ? silent[2] - 0.1f * turning[4] : silent[2];
+        hit_24 = hit_12 & ((silent[0] * silent[0] >= SILENT_TURN_SQUARED) |
             (silent[1] * silent[1] >= SILENT_TURN_SQUARED) | (silent[2] * silent[2] >= SILENT_TURN_SQUARED));
-        miss_23 = hit_12 & !((silent[0] * silent[0] >= SILENT_TURN_SQUARED) |
+        miss_24 = hit_12 & !((silent[0] * silent[0] >= SILENT_TURN_SQUARED) |
             (silent[1] * silent[1] >= SILENT_TURN_SQUARED) | (silent[2] * silent[2] >= SILENT_TURN_SQUARED));
-        open += (hit_23 & (open < MAX_OPEN)) ? 1 : 0;
-        open = (miss_23 != 0) ? 0 : open;
+        open += (hit_24 & (open < MAX_OPEN)) ? 1 : 0;
+        open = (miss_24 != 0) ? 0 : open;
         s->since[lane] = since;
         s->probe[0].of[lane] = probe[0];
         s->probe[1].of[lane] = probe[1];

@@ -28,6 +28,7 @@ REALS: Mapping[str, tuple[Interval, ...]] = {
     "turning": (*[Interval.within(1e5)] * 2, Interval.within(10.0), Interval.within(1e11), Interval.within(1e5)),
     "silent": (Interval.within(1e5),) * 3,
     "eased": (Interval(0.0, 1.0),),
+    "asked": (Interval.within(1e6),),
     "probe": (Interval.within(1.0), Interval(0.0, 32_767.0)),
     "reading": (*[Interval.within(1.1)] * 2, Interval(0.0, 1e6), Interval.within(3.0)),
     "first": (Interval.within(1.1),) * 2,

@@ -131,8 +131,9 @@ _ACTIONS: Rows = (
     ("silent where none carries", 'Either(tuple(Compare(">", square(i), Name("PROBE_SQUARED")) for i in phase))', 'Either(tuple(Compare(">", square(i), Name("ZERO_SQUARED")) for i in phase))', LOADED),
     ("silent where both carry", 'Either(tuple(Compare(">", square(i), Name("PROBE_SQUARED")) for i in phase))', 'All(tuple(Compare(">", square(i), Name("PROBE_SQUARED")) for i in phase))', LOADED),
     ("phase c without its current", 'enumerate((*phase, total(*phase)))', 'enumerate((*phase, phase[0]))', LOADED),
-    ("silent in pulses", '                    tuple(node for k in range(3) for node in _less_silent(k)),\n', "", LOADED),
-    ("less silent than never", 'Compare("<", Operation("*", silent, moved), Number(0.0))', 'Compare("<", silent, Number(0.0))', LOADED),
+    ("silent at rest", 'Compare(">", square(omega), Name("OPEN_SPEED_SQUARED"))', 'Compare(">=", square(omega), Number(0.0))', LOADED),
+    ("silent in pulses", "                tuple(_less_silent(k) for k in range(3)),\n", "", LOADED),
+    ("less silent either way", 'If(Compare(">", Operation("*", silent, turn), Number(0.0)), (Set(silent, less),))', 'If(Compare(">", square(turn), Number(0.0)), (Set(silent, less),))', LOADED),
     ("silent by the whole window's turn", 'Operation("+", silent, Entry("turning", 4))', 'Operation("+", silent, Entry("turning", 1))', LOADED),
     ("steady after one window", 'Compare(">=", Entry("steady"), Name("STEADY_WINDOWS"))', 'Compare(">=", Entry("steady"), Whole(1))', LOADED),
     ("diverged counts on", '(_clear("rejected"), _clear("diverged"), _clear("content"), _mark("anew"))', '(_clear("rejected"), _clear("content"), _mark("anew"))', LOADED),
@@ -201,13 +202,12 @@ _LIMITS: Rows = (
 )  # fmt: skip
 
 _BLOCKS: Rows = (
-    ("silent by the speed", "moved = ca.remainder(theta - theta_before, 2 * math.pi)\n    turned = turned + moved", "moved = _turn_per_sample(drive) * omega\n    turned = turned + ca.remainder(theta - theta_before, 2 * math.pi)", LOADED),
     ("the rotor turns on the other way", "theta + _turn_per_sample(drive) * omega", "theta - _turn_per_sample(drive) * omega", LOADED),
     ("the rotor turns on twice as far", "theta + _turn_per_sample(drive) * omega", "theta + 2 * _turn_per_sample(drive) * omega", LOADED),
     ("off by a quarter", "ANGLE_SHARE = 0.5", "ANGLE_SHARE = 0.25", LOADED),
-    ("stated by half a speed", "stated = stated + _turn_per_sample(drive) * omega", "stated = stated + 0.5 * _turn_per_sample(drive) * omega", LOADED),
+    ("stated by half a speed", "turn = _turn_per_sample(drive) * omega", "turn = 0.5 * _turn_per_sample(drive) * omega", LOADED),
     ("turned unwrapped", "ca.remainder(theta - theta_before, 2 * math.pi)", "(theta - theta_before)", LOADED),
-    ("angle before is kept", "[turned, stated, theta, doubt, moved]", "[turned, stated, theta_before, doubt, moved]", LOADED),
+    ("angle before is kept", "[turned, stated, theta, doubt, turn]", "[turned, stated, theta_before, doubt, turn]", LOADED),
     ("turned the other way", "first[0] * sine - first[1] * cosine", "first[1] * cosine - first[0] * sine", LOADED),
     ("current not Clarke's", "    i_beta = (1 / SQRT_3) * i_a + (2 / SQRT_3) * i_b\n    size", "    i_beta = (1 / SQRT_3) * i_a + (1 / SQRT_3) * i_b\n    size", LOADED),
     ("placed by another current", '    i_beta = (1 / SQRT_3) * i_a + (2 / SQRT_3) * i_b\n    b.stage("i_beta"', '    i_beta = (1 / SQRT_3) * i_a + (1 / SQRT_3) * i_b\n    b.stage("i_beta"', LOADED),
