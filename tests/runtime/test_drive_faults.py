@@ -46,7 +46,7 @@ EXPECTED = {
 }
 #: Those that stay: status bits, by which sample, and the reasons that may be given for giving up.
 STAYING = {
-    "phase_lost": (0x10, 50, {"PHASE"}),
+    "phase_lost": (0x10, 50, {"PHASE", "NOT_STARTED"}),  # or the load has driven the rotor off before it is told
     "swapped": (0x10, 0, {"CURRENT"}),
 }
 
