@@ -17,7 +17,7 @@ from model.drives.load import load_drive
 from model.filters import ckf as ckf_module
 from model.filters import cubature, sigma_point
 from model.filters import ickf as ickf_module
-from model.filters.program import Node, Wrap
+from model.filters.program import FilterStep, Node, Wrap
 from model.machines import MACHINES
 from model.machines.mechanics import ConstantSpeed
 from model.machines.state_space import StateSpaceModel
@@ -183,13 +183,12 @@ def _wrong_weight(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def _no_wrap(monkeypatch: pytest.MonkeyPatch) -> None:
     """A step without its last node: the right angle modulo a turn, but float32 would lose digits."""
-    step = ckf_module.FilterStep
-    monkeypatch.setattr(ckf_module, "FilterStep", lambda *about: step(*about[:-1], _without_wrap(about[-1])))
 
+    def without(kind: str, gain: str, model: StateSpaceModel, body: tuple[Node, ...]) -> FilterStep:
+        assert isinstance(body[-1], Wrap)
+        return FilterStep(kind, gain, model, body[:-1])
 
-def _without_wrap(body: tuple[Node, ...]) -> tuple[Node, ...]:
-    assert isinstance(body[-1], Wrap)
-    return body[:-1]
+    monkeypatch.setattr(ckf_module, "FilterStep", without)
 
 
 def _shifted_angle(monkeypatch: pytest.MonkeyPatch) -> None:
