@@ -13,7 +13,7 @@ from typing import Any
 import casadi as ca
 
 from codegen.ir.covariance import place
-from codegen.ir.trig import wrap_listing
+from codegen.ir.trig import INSIDE, wrap_listing
 from codegen.render.filter import render_port
 from codegen.render.printers.c import CPrinter
 from codegen.render.trig import sin_cos_text
@@ -46,6 +46,7 @@ def trig_header() -> str:
         '#include "pmsm_port.h"',
         f"#define ROUND {literal(precision.rounding)}",
         f"#define BELOW_PI {literal(precision.below_pi)}",
+        f"#define INSIDE {literal(INSIDE)}",
         "static float32 smaller(float32 a, float32 b) { return (a < b) ? a : b; }",
         "static float32 larger(float32 a, float32 b) { return (a > b) ? a : b; }",
         sin_cos_text(printer),

@@ -159,6 +159,7 @@ def render_filter(
         "filter.c.j2",
         **common,
         generated_trig=numbers.generated_trig,
+        signed=bool(about.target.subset),
         notes=notes,
         constants=filter_constants(about, step, listings, printer),
         round=printer.format_literal(numbers.precision.rounding),

@@ -178,16 +178,19 @@ def test_no_step_executes_more_than_the_ledger_says(name: str, kind: str, part: 
 def test_an_operation_that_the_ledger_drops_is_found(plant: dict[str, object], monkeypatch: pytest.MonkeyPatch) -> None:
     for name, value in plant.items():
         monkeypatch.setattr(ledger, name, value)
-    _judged_wrong()
+    _judged_wrong(monkeypatch)
 
 
 @pytest.mark.parametrize("node", ["UnaryOp", "If", "For", "TernaryOp", "FuncCall"])
 def test_a_node_that_the_ledger_passes_over_is_found(node: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """Its children count as before."""
     monkeypatch.setattr(ledger._Body, f"_count_{node}", ledger._Body._children)
-    _judged_wrong()
+    _judged_wrong(monkeypatch)
 
 
-def _judged_wrong() -> None:
-    """By one of those that are run anyway."""
+def _judged_wrong(monkeypatch: pytest.MonkeyPatch) -> None:
+    """By one of those that are run anyway; counted anew, as a program keeps what it has counted without the plant."""
+    for name in {name for name, *_ in CASES}:
+        for account in shipped_accounts(name).values():
+            monkeypatch.setattr(account.program, "known", {})
     assert any(complaints(*executed(*case), *_account(*case[:2])) for case in CASES)

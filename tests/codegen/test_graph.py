@@ -12,7 +12,7 @@ import pytest
 
 from codegen.ir.graph import Graph, UnsupportedOperationError, read_tape
 from codegen.ir.layout import lay_out
-from codegen.ir.trig import DOUBLE, wrap_listing
+from codegen.ir.trig import DOUBLE, INSIDE, wrap_listing
 from codegen.render.printers.c import CPrinter
 from codegen.render.printers.python import PythonPrinter
 from codegen.targets.numbers import FLOAT64
@@ -81,6 +81,7 @@ def test_c_prints_every_operator(point: list[float]) -> None:
             "typedef double float64; typedef struct { float64 sine, cosine; } pmsm_pair_f64;",
             "#define ROUND 6755399441055744.0",
             "#define BELOW_PI 3.1415926535897927",
+            f"#define INSIDE {printer.format_literal(INSIDE)}",
             "static pmsm_pair_f64 sin_cos(float64 x)",
             "{ pmsm_pair_f64 r; r.sine = sin(x); r.cosine = cos(x); return r; }",
             "static float64 smaller(float64 a, float64 b) { return (a < b) ? a : b; }",

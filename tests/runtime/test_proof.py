@@ -14,8 +14,10 @@ import pytest
 from codegen.generate import Package, generate, generate_bare
 from codegen.output.folder import write_folder
 from model.drives.load import load_drive
+from model.filters import ckf as ckf_module
 from model.filters import cubature, sigma_point
 from model.filters import ickf as ickf_module
+from model.filters.program import FilterStep, Node, Wrap
 from model.machines import MACHINES
 from model.machines.mechanics import ConstantSpeed
 from model.machines.state_space import StateSpaceModel
@@ -180,8 +182,13 @@ def _wrong_weight(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def _no_wrap(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The right angle modulo a turn, but not in [-pi, pi): float32 would lose digits."""
-    monkeypatch.setattr(StateSpaceModel, "kept", lambda model, x: x)
+    """A step without its last node: the right angle modulo a turn, but float32 would lose digits."""
+
+    def without(kind: str, gain: str, model: StateSpaceModel, body: tuple[Node, ...]) -> FilterStep:
+        assert isinstance(body[-1], Wrap)
+        return FilterStep(kind, gain, model, body[:-1])
+
+    monkeypatch.setattr(ckf_module, "FilterStep", without)
 
 
 def _shifted_angle(monkeypatch: pytest.MonkeyPatch) -> None:

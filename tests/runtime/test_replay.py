@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 import runtime
+from codegen.ir.trig import sin_cos_bound
 from runtime.drive.simulation import Run, Simulator
 from runtime.estimator.folder import find_folder
 from runtime.folders.stated import stated_drive
@@ -118,7 +119,11 @@ def test_a_rejected_voltage_is_held() -> None:
 
 
 def test_the_angle_to_start_from_turns_the_flux() -> None:
-    """Data of a motor at rest at 1 rad: from the drive's start the filter is wrong, from theta0 it is right."""
+    """Data of a motor at rest at 1 rad: from the drive's start the filter is wrong, from theta0 it is right.
+
+    At rest nothing says where the angle is but the flux that was assumed: float32 sine and cosine turn it a little in
+    every step, always the same way. With a pair rounded correctly 5e-5 degrees are left, with the generated one 1e-3.
+    """
     folder = find_folder("ipmsm_flux")
     T, theta = folder.module.SAMPLE_TIME, 1.0
     rest = Recorded(
@@ -127,7 +132,7 @@ def test_the_angle_to_start_from_turns_the_flux() -> None:
     found = replay(folder, rest, Settings(theta0=theta))
     assert found.errors is not None
     assert found.errors.position_max is not None
-    assert found.errors.position_max < 1e-3
+    assert found.errors.position_max < np.degrees(len(rest.t) * sin_cos_bound().proved)  # 2.3e-3
     psi_m = folder.manifest["parameters"]["motor"]["magnet_flux"]
     np.testing.assert_allclose(found.x[0, :2], psi_m * np.array([np.cos(theta), np.sin(theta)]), atol=1e-6)
     x0 = (psi_m * np.cos(theta), psi_m * np.sin(theta), 0.0, theta)

@@ -204,3 +204,27 @@ def test_a_folder_of_a_target_with_macros_is_read_and_run_on_the_host(target: st
     assert link_text(GeneratedFolder(tmp_path / "d"), "ickf", "cubature").passed
     found = load(str(tmp_path / "d"), filter="ickf", backend="c").step([10.0, 0.0], [0.1, 0.0])
     assert np.all(np.isfinite(found))
+
+
+def test_the_clas_guard_accepts_what_the_others_accept(tmp_path: Path) -> None:
+    """Bits without the sign as signed numbers: each side of the limit, of both signs, and what is no number."""
+    need("gcc")
+    write_folder(tmp_path / "d", made_for("paper_spmsm", "f2837x_cla").files)
+    ours = load(str(tmp_path / "d"), filter="ickf", backend="c")
+    limit = np.float32(GeneratedFolder(tmp_path / "d").module.DEFAULTS["u_max"])
+    beside = [np.nextafter(limit, np.float32(way)) for way in (0, np.inf)]
+    for value in (limit, *beside, np.inf, np.nan, 0.0):
+        for signed in (value, -value):
+            ours.reset()
+            status = ours.run(np.array([[signed, 0.0]]), np.zeros((1, 2))).status[0]
+            assert bool(status & 1) is not bool(np.abs(value) <= limit), signed  # INPUT_REJECTED
+
+
+def test_other_bits_of_an_input_are_not_its_size(tmp_path: Path) -> None:
+    """A mask that drops a bit of the number's: link "text" does not understand it."""
+    files = dict(made_for("paper_spmsm", "f2837x_cla").files)
+    name = "paper_spmsm_ickf.c"
+    assert files[name].count("0x7FFFFFFFUL") == 1
+    files[name] = files[name].replace("0x7FFFFFFFUL", "0x7FFFFFFEUL")
+    write_folder(tmp_path / "d", files)
+    assert not link_text(GeneratedFolder(tmp_path / "d", checked=False), "ickf", "cubature").passed

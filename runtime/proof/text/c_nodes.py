@@ -21,7 +21,7 @@ class Array:
 
     def __init__(self, name: str, size: int | None, kind: str, private: bool) -> None:
         flags = kind == "int" and size == LANES
-        self.name, self.whole, self.of_lanes = name, kind in {"int", "Uint32"}, kind == "lanes" or flags
+        self.name, self.whole, self.of_lanes = name, kind in {"int", "int32", "Uint32"}, kind == "lanes" or flags
         self.is_array, self.size = size is not None, 1 if flags else size or 1
         #: It lives inside the loop over lanes, and may be written there without further ado.
         self.private = private

@@ -26,9 +26,13 @@ from runtime.proof.text.c_nodes import (
 from runtime.proof.text.terms import OverLanes, Term, Terms
 
 _WRITER = c_generator.CGenerator()
-#: The one text of a number's bits without its sign that is understood; whether these stand in the order of the sizes is
-#: no question of the text (``tests/codegen/test_guard.py``).
-_SIZE = "{ pmsm_word word; word.value = value; return word.bits << 1; }"
+#: The texts of a number's bits without its sign that are understood, the second where a subset of C compares no
+#: unsigned numbers; whether these stand in the order of the sizes is no question of the text
+#: (``tests/codegen/test_guard.py``).
+_SIZES = {
+    ("Uint32", "{ pmsm_word word; word.value = value; return word.bits << 1; }"),
+    ("int32", "{ pmsm_word word; word.value = value; return (int32) (word.bits & 0x7FFFFFFFUL); }"),
+}
 
 __all__ = ["Array", "CText", "Pointer", "Struct", "Value"]
 
@@ -191,7 +195,7 @@ class CText:
         """Bits without the sign: the size of a number, as far as sizes are compared."""
         definition = self.functions.get("size_of")
         (value,) = arguments
-        if definition is None or " ".join(_WRITER.visit(definition.body).split()) != _SIZE:
+        if definition is None or _result_and_body(definition) not in _SIZES:
             return self.terms.unknown("a size_of that reads other bits")
         return self.terms.make("size", value, whole=True)
 
@@ -219,3 +223,8 @@ class CText:
             return self.terms.unknown("a block's argument")
         found = [self.read(pointer.array, k) for k in range(pointer.offset, pointer.array.size)]
         return self.terms.make("array", *(c if isinstance(c, Term) else self.terms.unknown("lanes") for c in found))
+
+
+def _result_and_body(definition: c_ast.FuncDef) -> tuple[str, str]:
+    """The type that a function returns, and its body in one line."""
+    return declared(definition.decl.type.type)[0], " ".join(_WRITER.visit(definition.body).split())
