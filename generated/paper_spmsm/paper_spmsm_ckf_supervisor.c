@@ -92,6 +92,7 @@
 #define CATCH_JOLT_SQUARED 0.01f /* rad^2: so far off may the angle be, beside half of what is stated */
 #define RUN_JOLT_SQUARED 0.09f /* rad^2: the same in a window of RUNNING, where a jolt may come */
 #define SILENT_TURN_SQUARED 9.0f /* rad^2: without a current in one phase alone it is open */
+#define FORGOTTEN_TURN 0.1f /* of a turn without any current: so much less silent is a phase */
 #define OPEN_SPEED_SQUARED 156.25f /* (rad/s)^2: from here on a phase may be found open */
 #define MOST_SPEED_SQUARED 360000.0f /* (rad/s)^2: no motor turns faster; thrice the box's */
 #define UNKNOWN_SPEED 10000.0f /* (rad/s)^2: of a rotor that turns */
@@ -467,13 +468,13 @@ static void watch(paper_spmsm_ckf_supervisor_t *s, const paper_spmsm_ckf_t *f, i
                 }
             } else {
                 if (s->silent[0] * s->turning[4] > 0.0f) {
-                    s->silent[0] = s->silent[0] - 0.1f * s->turning[4];
+                    s->silent[0] = s->silent[0] - FORGOTTEN_TURN * s->turning[4];
                 }
                 if (s->silent[1] * s->turning[4] > 0.0f) {
-                    s->silent[1] = s->silent[1] - 0.1f * s->turning[4];
+                    s->silent[1] = s->silent[1] - FORGOTTEN_TURN * s->turning[4];
                 }
                 if (s->silent[2] * s->turning[4] > 0.0f) {
-                    s->silent[2] = s->silent[2] - 0.1f * s->turning[4];
+                    s->silent[2] = s->silent[2] - FORGOTTEN_TURN * s->turning[4];
                 }
             }
         }

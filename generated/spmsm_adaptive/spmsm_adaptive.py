@@ -1257,6 +1257,7 @@ LEAST_SINE = 0.1  # of the angle between two readings: it tells the direction
 CATCH_JOLT_SQUARED = 0.010000000000000002  # rad^2: so far off may the angle be, beside half of what is stated
 RUN_JOLT_SQUARED = 0.09  # rad^2: the same in a window of RUNNING, where a jolt may come
 SILENT_TURN_SQUARED = 9.0  # rad^2: without a current in one phase alone it is open
+FORGOTTEN_TURN = 0.1  # of a turn without any current: so much less silent is a phase
 OPEN_SPEED_SQUARED = 156.25  # (rad/s)^2: from here on a phase may be found open
 MOST_SPEED_SQUARED = 360000.0  # (rad/s)^2: no motor turns faster; thrice the box's
 UNKNOWN_SPEED = 10000.0  # (rad/s)^2: of a rotor that turns
@@ -1765,11 +1766,11 @@ def _watch(s, f, status, phase, reference, math):
     hit_20 = hit_17 & ((phase[0] + phase[1]) * (phase[0] + phase[1]) > ZERO_SQUARED)
     silent[2] = np.where(hit_20, 0.0, silent[2])[()]
     hit_21 = miss_17 & (silent[0] * turning[4] > 0.0)
-    silent[0] = np.where(hit_21, silent[0] - 0.1 * turning[4], silent[0])[()]
+    silent[0] = np.where(hit_21, silent[0] - FORGOTTEN_TURN * turning[4], silent[0])[()]
     hit_22 = miss_17 & (silent[1] * turning[4] > 0.0)
-    silent[1] = np.where(hit_22, silent[1] - 0.1 * turning[4], silent[1])[()]
+    silent[1] = np.where(hit_22, silent[1] - FORGOTTEN_TURN * turning[4], silent[1])[()]
     hit_23 = miss_17 & (silent[2] * turning[4] > 0.0)
-    silent[2] = np.where(hit_23, silent[2] - 0.1 * turning[4], silent[2])[()]
+    silent[2] = np.where(hit_23, silent[2] - FORGOTTEN_TURN * turning[4], silent[2])[()]
     hit_24 = (hit_12 & ((silent[0] * silent[0] >= SILENT_TURN_SQUARED) |
         (silent[1] * silent[1] >= SILENT_TURN_SQUARED) | (silent[2] * silent[2] >= SILENT_TURN_SQUARED)))
     miss_24 = (hit_12 & np.logical_not((silent[0] * silent[0] >= SILENT_TURN_SQUARED) |

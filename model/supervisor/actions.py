@@ -23,7 +23,6 @@ from model.filters.program import Call, Count, If, Node, Restart, Set, Wrap
 from model.machines.state_space import StateSpaceModel
 from model.schema import Drive
 from model.supervisor.blocks import axis_block, onward_block, place_block, probe_block, reading_block, turning_block
-from model.supervisor.limits import FORGOTTEN_TURN
 from model.supervisor.words import Action, CopyFilter, ExchangeFilters, equals, is_label, within
 
 
@@ -136,7 +135,7 @@ def _silence(model: StateSpaceModel, phase: list[Entry]) -> If:
 def _less_silent(k: int) -> If:
     """Where no phase carries a current a tenth of the turn is taken back: pulses now and then are no open phase."""
     silent, turn = Entry("silent", k), Entry("turning", 4)
-    less = Operation("-", silent, Operation("*", Number(FORGOTTEN_TURN), turn))
+    less = Operation("-", silent, Operation("*", Name("FORGOTTEN_TURN"), turn))
     return If(Compare(">", Operation("*", silent, turn), Number(0.0)), (Set(silent, less),))
 
 

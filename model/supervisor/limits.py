@@ -210,6 +210,7 @@ def _currents(drive: Drive) -> tuple[Limit, ...]:
         Limit("CATCH_JOLT_SQUARED", CATCH_JOLT**2, "rad^2: so far off may the angle be, beside half of what is stated"),
         Limit("RUN_JOLT_SQUARED", RUN_JOLT**2, "rad^2: the same in a window of RUNNING, where a jolt may come"),
         Limit("SILENT_TURN_SQUARED", SILENT_TURN**2, "rad^2: without a current in one phase alone it is open"),
+        Limit("FORGOTTEN_TURN", FORGOTTEN_TURN, "of a turn without any current: so much less silent is a phase"),
         Limit("OPEN_SPEED_SQUARED", start_speed(drive) ** 2, "(rad/s)^2: from here on a phase may be found open"),
         Limit("MOST_SPEED_SQUARED", (MOST_SPEED * speed) ** 2, "(rad/s)^2: no motor turns faster; thrice the box's"),
         Limit("UNKNOWN_SPEED", (UNKNOWN_SPEED * speed) ** 2, "(rad/s)^2: of a rotor that turns"),

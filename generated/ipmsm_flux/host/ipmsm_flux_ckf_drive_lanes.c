@@ -40,6 +40,7 @@
 #define CATCH_JOLT_SQUARED 0.01f /* rad^2: so far off may the angle be, beside half of what is stated */
 #define RUN_JOLT_SQUARED 0.09f /* rad^2: the same in a window of RUNNING, where a jolt may come */
 #define SILENT_TURN_SQUARED 9.0f /* rad^2: without a current in one phase alone it is open */
+#define FORGOTTEN_TURN 0.1f /* of a turn without any current: so much less silent is a phase */
 #define OPEN_SPEED_SQUARED 223.00217f /* (rad/s)^2: from here on a phase may be found open */
 #define MOST_SPEED_SQUARED 360000.0f /* (rad/s)^2: no motor turns faster; thrice the box's */
 #define UNKNOWN_SPEED 10000.0f /* (rad/s)^2: of a rotor that turns */
@@ -691,11 +692,11 @@ static void watch(ipmsm_flux_ckf_supervisor_lanes_t *__restrict s, const ipmsm_f
         hit_20 = hit_17 & ((phase[0] + phase[1]) * (phase[0] + phase[1]) > ZERO_SQUARED);
         silent[2] = (hit_20 != 0) ? 0.0f : silent[2];
         hit_21 = miss_17 & (silent[0] * turning[4] > 0.0f);
-        silent[0] = (hit_21 != 0) ? silent[0] - 0.1f * turning[4] : silent[0];
+        silent[0] = (hit_21 != 0) ? silent[0] - FORGOTTEN_TURN * turning[4] : silent[0];
         hit_22 = miss_17 & (silent[1] * turning[4] > 0.0f);
-        silent[1] = (hit_22 != 0) ? silent[1] - 0.1f * turning[4] : silent[1];
+        silent[1] = (hit_22 != 0) ? silent[1] - FORGOTTEN_TURN * turning[4] : silent[1];
         hit_23 = miss_17 & (silent[2] * turning[4] > 0.0f);
-        silent[2] = (hit_23 != 0) ? silent[2] - 0.1f * turning[4] : silent[2];
+        silent[2] = (hit_23 != 0) ? silent[2] - FORGOTTEN_TURN * turning[4] : silent[2];
         hit_24 = hit_12 & ((silent[0] * silent[0] >= SILENT_TURN_SQUARED) |
             (silent[1] * silent[1] >= SILENT_TURN_SQUARED) | (silent[2] * silent[2] >= SILENT_TURN_SQUARED));
         miss_24 = hit_12 & !((silent[0] * silent[0] >= SILENT_TURN_SQUARED) |
