@@ -130,3 +130,11 @@ def test_links_lead_somewhere(document: str) -> None:
         if "://" not in target:
             place = (path.parent / target).resolve()
             assert place.exists() or place in written(), target
+
+
+def test_the_changelog_says_a_thing_once() -> None:
+    """Where two texts met, an entry that both had changed stands there twice: it begins alike."""
+    text = (ROOT / "CHANGELOG.md").read_text(encoding="utf-8")
+    for version in text.split("\n## ")[1:]:
+        begins = [line[:50] for line in version.splitlines() if line.startswith("- ")]
+        assert len(set(begins)) == len(begins), sorted({line for line in begins if begins.count(line) > 1})

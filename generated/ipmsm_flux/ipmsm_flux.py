@@ -1738,84 +1738,88 @@ def _watch(s, f, status, phase, reference, math):
     turning = list(s.turning)
     silent = list(s.silent)
     s.since = np.where((s.since < MOST_SAMPLES), s.since + 1, s.since)[()]
-    hit_1 = reference < 0.0
-    miss_1 = np.logical_not(reference < 0.0)
-    probe[0] = np.where(hit_1, -1.0, probe[0])[()]
-    probe[0] = np.where(miss_1, 1.0, probe[0])[()]
-    hit_2 = s.mode == PROBING
-    miss_2 = np.logical_not(s.mode == PROBING)
-    probe[1] = np.where(hit_2, probe[1] + 1.0, probe[1])[()]
-    probe[1] = np.where(miss_2, 0.0, probe[1])[()]
+    hit_1 = reference * reference > STILL_SQUARED
+    miss_1 = np.logical_not(reference * reference > STILL_SQUARED)
+    hit_2 = hit_1 & (reference < 0.0)
+    miss_2 = hit_1 & np.logical_not(reference < 0.0)
+    probe[0] = np.where(hit_2, -1.0, probe[0])[()]
+    probe[0] = np.where(miss_2, 1.0, probe[0])[()]
+    hit_3 = miss_1 & (np.logical_not(probe[0] < 0.0))
+    probe[0] = np.where(hit_3, 1.0, probe[0])[()]
+    hit_4 = s.mode == PROBING
+    miss_4 = np.logical_not(s.mode == PROBING)
+    probe[1] = np.where(hit_4, probe[1] + 1.0, probe[1])[()]
+    probe[1] = np.where(miss_4, 0.0, probe[1])[()]
     asked[0] = reference
-    hit_3 = reference * reference < START_SPEED_SQUARED
-    asked[0] = np.where(hit_3, probe[0] * START_SPEED, asked[0])[()]
-    hit_4 = s.mode == WAITING
+    hit_5 = reference * reference < START_SPEED_SQUARED
+    asked[0] = np.where(hit_5, probe[0] * START_SPEED, asked[0])[()]
+    hit_6 = s.mode == WAITING
     guess_new = turn_guess(guess, math)
-    guess = list(_select(hit_4, guess_new, guess))
-    hit_5 = s.mode == CATCHING
-    miss_5 = np.logical_not(s.mode == CATCHING)
-    eased[0] = np.where(hit_5, EASE, eased[0])[()]
-    hit_6 = miss_5 & (s.mode == RUNNING)
-    miss_6 = miss_5 & np.logical_not(s.mode == RUNNING)
-    eased[0] = np.where(hit_6, eased[0] + EASE, eased[0])[()]
-    eased[0] = np.where(miss_6, 1.0, eased[0])[()]
-    hit_7 = miss_5 & (np.logical_not(eased[0] <= 1.0))
-    eased[0] = np.where(hit_7, 1.0, eased[0])[()]
-    hit_8 = s.mode == RESTING
-    miss_8 = np.logical_not(s.mode == RESTING)
-    hit_9 = hit_8 & ((phase[0] * phase[0] <= ZERO_SQUARED) & (phase[1] * phase[1] <= ZERO_SQUARED))
-    miss_9 = (hit_8 & np.logical_not((phase[0] * phase[0] <= ZERO_SQUARED) &
+    guess = list(_select(hit_6, guess_new, guess))
+    hit_7 = s.mode == CATCHING
+    miss_7 = np.logical_not(s.mode == CATCHING)
+    eased[0] = np.where(hit_7, EASE, eased[0])[()]
+    hit_8 = miss_7 & (s.mode == RUNNING)
+    miss_8 = miss_7 & np.logical_not(s.mode == RUNNING)
+    eased[0] = np.where(hit_8, eased[0] + EASE, eased[0])[()]
+    eased[0] = np.where(miss_8, 1.0, eased[0])[()]
+    hit_9 = miss_7 & (np.logical_not(eased[0] <= 1.0))
+    eased[0] = np.where(hit_9, 1.0, eased[0])[()]
+    hit_10 = s.mode == RESTING
+    miss_10 = np.logical_not(s.mode == RESTING)
+    hit_11 = hit_10 & ((phase[0] * phase[0] <= ZERO_SQUARED) & (phase[1] * phase[1] <= ZERO_SQUARED))
+    miss_11 = (hit_10 & np.logical_not((phase[0] * phase[0] <= ZERO_SQUARED) &
         (phase[1] * phase[1] <= ZERO_SQUARED)))
-    s.quiet = np.where(hit_9 & (s.quiet < REST_SAMPLES), s.quiet + 1, s.quiet)[()]
-    s.quiet = np.where(miss_9, 0, s.quiet)[()]
-    s.quiet = np.where(miss_8, 0, s.quiet)[()]
-    hit_10 = np.logical_not(s.mode == FAULT)
-    s.acknowledged = np.where(hit_10, 0, s.acknowledged)[()]
-    hit_11 = (phase[0] * phase[0] > TRIP_SQUARED) | (phase[1] * phase[1] > TRIP_SQUARED)
-    miss_11 = np.logical_not((phase[0] * phase[0] > TRIP_SQUARED) | (phase[1] * phase[1] > TRIP_SQUARED))
-    s.excess = np.where(hit_11 & (s.excess < MAX_EXCESS), s.excess + 1, s.excess)[()]
-    s.excess = np.where(miss_11, 0, s.excess)[()]
-    hit_12 = s.runs == 1
-    hit_13 = hit_12 & ((status & INPUT_REJECTED) != 0)
-    miss_13 = hit_12 & np.logical_not((status & INPUT_REJECTED) != 0)
-    s.rejected = np.where(hit_13 & (s.rejected < MAX_REJECTED), s.rejected + 1, s.rejected)[()]
-    s.rejected = np.where(miss_13, 0, s.rejected)[()]
-    hit_14 = hit_12 & ((status & DIVERGED) != 0)
-    miss_14 = hit_12 & np.logical_not((status & DIVERGED) != 0)
-    s.diverged = np.where(hit_14 & (s.diverged < MAX_DIVERGED), s.diverged + 1, s.diverged)[()]
-    s.diverged = np.where(miss_14, 0, s.diverged)[()]
-    hit_15 = hit_12 & ((s.rejected == 0) & (s.diverged == 0) & np.logical_not((status & RESTARTED) != 0))
-    miss_15 = (hit_12 & np.logical_not((s.rejected == 0) & (s.diverged == 0) &
+    s.quiet = np.where(hit_11 & (s.quiet < REST_SAMPLES), s.quiet + 1, s.quiet)[()]
+    s.quiet = np.where(miss_11, 0, s.quiet)[()]
+    s.quiet = np.where(miss_10, 0, s.quiet)[()]
+    hit_12 = np.logical_not(s.mode == FAULT)
+    s.acknowledged = np.where(hit_12, 0, s.acknowledged)[()]
+    hit_13 = (phase[0] * phase[0] > TRIP_SQUARED) | (phase[1] * phase[1] > TRIP_SQUARED)
+    miss_13 = np.logical_not((phase[0] * phase[0] > TRIP_SQUARED) | (phase[1] * phase[1] > TRIP_SQUARED))
+    s.excess = np.where(hit_13 & (s.excess < MAX_EXCESS), s.excess + 1, s.excess)[()]
+    s.excess = np.where(miss_13, 0, s.excess)[()]
+    hit_14 = s.runs == 1
+    hit_15 = hit_14 & ((status & INPUT_REJECTED) != 0)
+    miss_15 = hit_14 & np.logical_not((status & INPUT_REJECTED) != 0)
+    s.rejected = np.where(hit_15 & (s.rejected < MAX_REJECTED), s.rejected + 1, s.rejected)[()]
+    s.rejected = np.where(miss_15, 0, s.rejected)[()]
+    hit_16 = hit_14 & ((status & DIVERGED) != 0)
+    miss_16 = hit_14 & np.logical_not((status & DIVERGED) != 0)
+    s.diverged = np.where(hit_16 & (s.diverged < MAX_DIVERGED), s.diverged + 1, s.diverged)[()]
+    s.diverged = np.where(miss_16, 0, s.diverged)[()]
+    hit_17 = hit_14 & ((s.rejected == 0) & (s.diverged == 0) & np.logical_not((status & RESTARTED) != 0))
+    miss_17 = (hit_14 & np.logical_not((s.rejected == 0) & (s.diverged == 0) &
         np.logical_not((status & RESTARTED) != 0)))
-    s.content = np.where(hit_15 & (s.content < LOCKED_SAMPLES), s.content + 1, s.content)[()]
-    s.content = np.where(miss_15, 0, s.content)[()]
+    s.content = np.where(hit_17 & (s.content < LOCKED_SAMPLES), s.content + 1, s.content)[()]
+    s.content = np.where(miss_17, 0, s.content)[()]
     turning_new = watch_turning(f.x, turning, math)
-    turning = list(_select(hit_12, turning_new, turning))
-    hit_16 = hit_12 & (f.x[2] * f.x[2] > OPEN_SPEED_SQUARED)
-    hit_17 = hit_16 & ((phase[0] * phase[0] > PROBE_SQUARED) | (phase[1] * phase[1] > PROBE_SQUARED))
-    miss_17 = (hit_16 & np.logical_not((phase[0] * phase[0] > PROBE_SQUARED) |
+    turning = list(_select(hit_14, turning_new, turning))
+    hit_18 = hit_14 & (f.x[2] * f.x[2] > OPEN_SPEED_SQUARED)
+    hit_19 = hit_18 & ((phase[0] * phase[0] > PROBE_SQUARED) | (phase[1] * phase[1] > PROBE_SQUARED))
+    miss_19 = (hit_18 & np.logical_not((phase[0] * phase[0] > PROBE_SQUARED) |
         (phase[1] * phase[1] > PROBE_SQUARED)))
-    silent[0] = np.where(hit_17, silent[0] + turning[4], silent[0])[()]
-    hit_18 = hit_17 & (phase[0] * phase[0] > ZERO_SQUARED)
-    silent[0] = np.where(hit_18, 0.0, silent[0])[()]
-    silent[1] = np.where(hit_17, silent[1] + turning[4], silent[1])[()]
-    hit_19 = hit_17 & (phase[1] * phase[1] > ZERO_SQUARED)
-    silent[1] = np.where(hit_19, 0.0, silent[1])[()]
-    silent[2] = np.where(hit_17, silent[2] + turning[4], silent[2])[()]
-    hit_20 = hit_17 & ((phase[0] + phase[1]) * (phase[0] + phase[1]) > ZERO_SQUARED)
-    silent[2] = np.where(hit_20, 0.0, silent[2])[()]
-    hit_21 = miss_17 & (silent[0] * turning[4] > 0.0)
-    silent[0] = np.where(hit_21, silent[0] - FORGOTTEN_TURN * turning[4], silent[0])[()]
-    hit_22 = miss_17 & (silent[1] * turning[4] > 0.0)
-    silent[1] = np.where(hit_22, silent[1] - FORGOTTEN_TURN * turning[4], silent[1])[()]
-    hit_23 = miss_17 & (silent[2] * turning[4] > 0.0)
-    silent[2] = np.where(hit_23, silent[2] - FORGOTTEN_TURN * turning[4], silent[2])[()]
-    hit_24 = (hit_12 & ((silent[0] * silent[0] >= SILENT_TURN_SQUARED) |
+    silent[0] = np.where(hit_19, silent[0] + turning[4], silent[0])[()]
+    hit_20 = hit_19 & (phase[0] * phase[0] > ZERO_SQUARED)
+    silent[0] = np.where(hit_20, 0.0, silent[0])[()]
+    silent[1] = np.where(hit_19, silent[1] + turning[4], silent[1])[()]
+    hit_21 = hit_19 & (phase[1] * phase[1] > ZERO_SQUARED)
+    silent[1] = np.where(hit_21, 0.0, silent[1])[()]
+    silent[2] = np.where(hit_19, silent[2] + turning[4], silent[2])[()]
+    hit_22 = hit_19 & ((phase[0] + phase[1]) * (phase[0] + phase[1]) > ZERO_SQUARED)
+    silent[2] = np.where(hit_22, 0.0, silent[2])[()]
+    hit_23 = miss_19 & (silent[0] * turning[4] > 0.0)
+    silent[0] = np.where(hit_23, silent[0] - FORGOTTEN_TURN * turning[4], silent[0])[()]
+    hit_24 = miss_19 & (silent[1] * turning[4] > 0.0)
+    silent[1] = np.where(hit_24, silent[1] - FORGOTTEN_TURN * turning[4], silent[1])[()]
+    hit_25 = miss_19 & (silent[2] * turning[4] > 0.0)
+    silent[2] = np.where(hit_25, silent[2] - FORGOTTEN_TURN * turning[4], silent[2])[()]
+    hit_26 = (hit_14 & ((silent[0] * silent[0] >= SILENT_TURN_SQUARED) |
         (silent[1] * silent[1] >= SILENT_TURN_SQUARED) | (silent[2] * silent[2] >= SILENT_TURN_SQUARED)))
-    miss_24 = (hit_12 & np.logical_not((silent[0] * silent[0] >= SILENT_TURN_SQUARED) |
+    miss_26 = (hit_14 & np.logical_not((silent[0] * silent[0] >= SILENT_TURN_SQUARED) |
         (silent[1] * silent[1] >= SILENT_TURN_SQUARED) | (silent[2] * silent[2] >= SILENT_TURN_SQUARED)))
-    s.open = np.where(hit_24 & (s.open < MAX_OPEN), s.open + 1, s.open)[()]
-    s.open = np.where(miss_24, 0, s.open)[()]
+    s.open = np.where(hit_26 & (s.open < MAX_OPEN), s.open + 1, s.open)[()]
+    s.open = np.where(miss_26, 0, s.open)[()]
     s.probe = tuple(probe)
     s.asked = tuple(asked)
     s.guess = tuple(guess)

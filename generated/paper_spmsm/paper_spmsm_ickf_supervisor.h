@@ -52,7 +52,7 @@ typedef struct {
     float32 turning[5]; /* rad: the angle turned, should have by the speed; angle before; rad^2: doubt; rad, now */
     float32 silent[3]; /* rad: so far the rotor turned while phase a, b, c alone carried no current */
     float32 eased[1]; /* share of the largest current that RUNNING allows */
-    float32 probe[2]; /* 1 or -1: where the reference points; intervals of zero voltage */
+    float32 probe[2]; /* 1 or -1: where the reference points, or pointed last; intervals of zero voltage */
     float32 reading[4]; /* cosine and sine of the current's angle; its size, A; sine of the angle since the first one */
     float32 first[2]; /* cosine and sine of the first current's angle */
     float32 guess[4]; /* the filter's first two states, speed and angle to begin with */

@@ -505,10 +505,16 @@ static void watch(spmsm_load_torque_ickf_supervisor_t *s, const spmsm_load_torqu
     const float32 phase[2], float32 reference)
 {
     s->since += (s->since < MOST_SAMPLES) ? 1 : 0;
-    if (reference < 0.0f) {
-        s->probe[0] = -1.0f;
+    if (reference * reference > STILL_SQUARED) {
+        if (reference < 0.0f) {
+            s->probe[0] = -1.0f;
+        } else {
+            s->probe[0] = 1.0f;
+        }
     } else {
-        s->probe[0] = 1.0f;
+        if (!(s->probe[0] < 0.0f)) {
+            s->probe[0] = 1.0f;
+        }
     }
     if (s->mode == PMSM_PROBING) {
         s->probe[1] = s->probe[1] + 1.0f;

@@ -41,7 +41,7 @@ def watch(drive: Drive, model: StateSpaceModel, rivals: bool) -> tuple[Node, ...
     good = All((equals("rejected", 0), equals("diverged", 0), Not(Reported(("RESTARTED",)))))
     return (
         Count("since", "MOST_SAMPLES"),
-        If(Compare("<", Name("reference"), Number(0.0)), (Set(probe[0], Number(-1.0)),), (Set(probe[0], Number(1.0)),)),
+        _way(probe[0], rivals),
         If(
             is_label("mode", "PROBING"),
             (Set(probe[1], Operation("+", probe[1], Number(1.0))),),
@@ -70,6 +70,16 @@ def watch(drive: Drive, model: StateSpaceModel, rivals: bool) -> tuple[Node, ...
             ),
         ),
     )
+
+
+def _way(way: Entry, rivals: bool) -> If:
+    """Where the reference points; a start goes on as it began while no motion is asked for, or NaN is."""
+    forward, backward = (Set(way, Number(1.0)),), (Set(way, Number(-1.0)),)
+    pointing = If(Compare("<", Name("reference"), Number(0.0)), backward, forward)
+    if not rivals:
+        return pointing
+    wanted = Compare(">", square(Name("reference")), Name("STILL_SQUARED"))
+    return If(wanted, (pointing,), (If(Not(Compare("<", way, Number(0.0))), forward),))
 
 
 def _asked(way: Value) -> tuple[Node, ...]:

@@ -29,7 +29,7 @@ FIELDS = (
     Field("turning", "rad: the angle turned, should have by the speed; angle before; rad^2: doubt; rad, now", 5),
     Field("silent", "rad: so far the rotor turned while phase a, b, c alone carried no current", 3),
     Field("eased", "share of the largest current that RUNNING allows", 1),
-    Field("probe", "1 or -1: where the reference points; intervals of zero voltage", 2),
+    Field("probe", "1 or -1: where the reference points, or pointed last; intervals of zero voltage", 2),
     Field("reading", "cosine and sine of the current's angle; its size, A; sine of the angle since the first one", 4),
     Field("first", "cosine and sine of the first current's angle", 2),
     Field("guess", "the filter's first two states, speed and angle to begin with", 4),

@@ -1,7 +1,8 @@
 """Slow starts: the drive is powered up long before motion is wanted, and then a crawl is wanted, not the rated speed.
 
 Nothing tells the angle while nothing turns: the drive waits without a failure as long as no motion is asked for, turns
-as fast as a start must, however little is asked for, and then crawls. A salient rotor shows its angle at a crawl, too;
+as fast as a start must, however little is asked for, and then crawls. Some references hesitate meanwhile: they go
+back to zero, or to the other way, in the midst of the start. A salient rotor shows its angle at a crawl, too;
 of a round one it is judged whether it turns as wanted once speed is wanted. Where there is no rival filter attempts
 at a crawl may fail in a row, and end in FAULT with the reason said: firmware.md promises no more.
 """
@@ -28,15 +29,22 @@ Array = NDArray[np.float64]
 
 #: s: no motion is asked for; a crawl is, of which the last part is judged; its reference rises in such a time.
 WAIT, CRAWL, JUDGED, RISE = 0.15, 0.6, 0.2, 0.02
+#: s: for so long a reference points as wanted, and then for so long it hesitates.
+HESITATES = 0.005, 0.06
 #: Shares of rated speed: the slowest crawl and the fastest.
 SLOWEST, FASTEST = 0.002, 0.1
 
 
 @dataclass(frozen=True)
 class Crawl(Scenario):
-    """Rest is wanted, then ``share`` of a speed, and in the end the speed."""
+    """Rest is wanted, then ``share`` of a speed, and in the end the speed.
+
+    From ``WAIT + hesitates`` on ``meanwhile`` times the crawl is wanted, for another time ``hesitates``.
+    """
 
     share: float = FASTEST
+    meanwhile: float = 1.0
+    hesitates: float = 0.0
 
     def speed_reference(self, t: Array) -> Array:
         """Mechanical rad/s at the times t.
@@ -47,6 +55,8 @@ class Crawl(Scenario):
             Time, s.
         """
         crawl = self.share * np.clip((t - WAIT) / RISE, 0.0, 1.0)
+        hesitant = (t >= WAIT + self.hesitates) & (t < WAIT + 2.0 * self.hesitates)
+        crawl = np.where(hesitant, self.meanwhile, 1.0) * crawl
         rest = (1.0 - self.share) * np.clip((t - WAIT - CRAWL) / self.ramp, 0.0, 1.0)
         return np.asarray(self.speed / RPM * (crawl + rest))
 
@@ -61,6 +71,8 @@ class Crawled(Attempt):
 
 def slow(drive: Drive, rng: np.random.Generator) -> Crawled:
     """A crawl after a wait, from rest at any angle, either way, against a load that comes when motion is wanted.
+
+    A third of the references goes back to zero in the midst of the start, and a third turns round.
 
     Parameters
     ----------
@@ -79,6 +91,8 @@ def slow(drive: Drive, rng: np.random.Generator) -> Crawled:
         share=float(np.exp(rng.uniform(np.log(SLOWEST), np.log(FASTEST)))),
     )
     motor = FoundMotor(float(rng.uniform(-np.pi, np.pi)), 0.0, draw_factors(drive, rng))
+    meanwhile, hesitates = float(rng.choice((1.0, 0.0, -1.0))), float(rng.uniform(*HESITATES))
+    scenario = replace(scenario, meanwhile=meanwhile, hesitates=hesitates)
     least = (1.0 - REACHED) * task.speed
     shown, rival = injected_voltage(drive) > 0.0, has_rival(drive)
     return Crawled(scenario, motor, least=least, since=WAIT + CRAWL, shown=shown, rival=rival)

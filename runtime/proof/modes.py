@@ -81,10 +81,10 @@ class Modes(Numbers):
         reference : float
             Speed, rad/s.
         """
+        self._wanted = abs(reference) > STILL * self.slowest
         self._count(m, f, said, phase, reference)
         m.whole["fresh"] = m.whole["anew"] = 0
         where, branch = m.mode, getattr(self, f"_{m.mode.lower()}", None)
-        self._wanted = abs(reference) > STILL * self.slowest
         event = branch(m, f, said, phase) if branch else self._go(m, "RESTING")  # a mode that is none
         for name, modes in (
             ("runs", RUNNING),
@@ -122,7 +122,8 @@ class Modes(Numbers):
         n = m.whole
         n["since"] += n["since"] < MOST
         zero_voltage = m.arrays["probe"][1] + 1.0 if m.mode == "PROBING" else 0.0
-        m.arrays["probe"] = [-1.0 if reference < 0 else 1.0, zero_voltage]
+        pointing = reference if m.rival is None or self._wanted else m.arrays["probe"][0]
+        m.arrays["probe"] = [-1.0 if pointing < 0 else 1.0, zero_voltage]
         if m.rival is not None:  # a start turns fast enough to be judged; what is no number stays
             least = math.copysign(self.slowest, m.arrays["probe"][0])
             m.arrays["asked"] = [least if abs(reference) < self.slowest else reference]
@@ -146,10 +147,9 @@ class Modes(Numbers):
         self._row(m, "content", good, self.samples(LOCKED))
         turned, stated, before = m.arrays["turning"][:3]
         omega, theta = f.x[2], f.x[3]
-        turned += math.remainder(theta - before, 2 * math.pi)
-        stated += self.p * omega * self.T
-        off, half = turned - stated, stated / 2
         now = self.p * omega * self.T
+        turned, stated = turned + math.remainder(theta - before, 2 * math.pi), stated + now
+        off, half = turned - stated, stated / 2
         m.arrays["turning"] = [turned, stated, theta, (off - half) * (off + half), now]
         i_a, i_b = phase
         if not abs(omega) > self.slowest:

@@ -150,6 +150,24 @@ def test_a_start_turns_fast_enough_to_tell(board: Board, share: float, asked: fl
     assert board.now.command[0] == pytest.approx(board.now.reference)
 
 
+@pytest.mark.parametrize("way", [1.0, -1.0])
+@pytest.mark.parametrize("then", [0.0, -0.0, 0.0099, -0.0099])
+def test_a_start_goes_on_as_it_began_once_no_motion_is_asked_for(board: Board, way: float, then: float) -> None:
+    """Zero and noise about it point nowhere; what asks for motion the other way turns it round.
+
+    The controller is given a command an interrupt after it was asked for.
+    """
+    if not board.variant:
+        return
+    board.now.reference = 0.02 * way * slowest(board.drive)
+    begun(board)
+    for reference, asked in ((then, way), (-0.0101 * way, -way), (then, -way), (0.0101 * way, way)):
+        board.now.reference = reference * slowest(board.drive)
+        board.interrupt(2, phase=(0.0, 0.0))
+        assert board.mode == "STARTING"
+        assert board.now.command[0] == pytest.approx(asked * slowest(board.drive), rel=1e-3)
+
+
 # --- where both begin
 
 

@@ -79,8 +79,16 @@ def test_what_is_drawn_of_slow_starts() -> None:
     for item in drawn[:20]:
         reference = item.scenario.speed_reference(t) * np.sign(item.scenario.speed)
         assert not np.any(reference[t < 0.149])
-        assert reference[(t > 0.171) & (t < 0.749)] == pytest.approx(item.scenario.share * speed)
+        from_hesitation = item.scenario.hesitates + 0.15
+        to_hesitation = from_hesitation + item.scenario.hesitates
+        hesitant = (t > from_hesitation) & (t < to_hesitation)
+        crawling = (t > 0.171) & (t < 0.749)
+        crawl = item.scenario.share * speed
+        assert reference[crawling & ~hesitant] == pytest.approx(crawl)
+        assert reference[crawling & hesitant] == pytest.approx(item.scenario.meanwhile * crawl)
         assert reference[-1] == pytest.approx(speed)
+    assert {item.scenario.meanwhile for item in drawn} == {1.0, 0.0, -1.0}
+    assert all(0.005 <= item.scenario.hesitates <= 0.06 for item in drawn)
     shares = [item.scenario.share for item in drawn]
     assert 0.002 <= min(shares) < 0.0022
     assert 0.09 < max(shares) <= 0.1

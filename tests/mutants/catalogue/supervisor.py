@@ -101,7 +101,7 @@ _TABLE: Rows = (
 
 _ACTIONS: Rows = (
     ("zero voltage counted from power-up", 'is_label("mode", "PROBING")', 'Not(is_label("mode", "FAULT"))', LOADED),
-    ("reference's sign", "(Set(probe[0], Number(-1.0)),), (Set(probe[0], Number(1.0)),)", "(Set(probe[0], Number(1.0)),), (Set(probe[0], Number(-1.0)),)", LOADED),
+    ("reference's sign", 'Number(0.0)), backward, forward)', 'Number(0.0)), forward, backward)', LOADED),
     ("quiet in any mode", 'is_label("mode", "RESTING")', 'Not(is_label("mode", "FAULT"))', LOADED),
     ("quiet by what shows", '_in_a_row("quiet", within("phase", "ZERO_SQUARED")', '_in_a_row("quiet", within("phase", "PROBE_SQUARED")', LOADED),
     ("acknowledged beforehand", '        If(Not(is_label("mode", "FAULT")), (_clear("acknowledged"),)),\n', "", LOADED),
@@ -114,6 +114,8 @@ _ACTIONS: Rows = (
     ("the rotor stands while the current dies out", '        If(is_label("mode", "WAITING"), (Call(onward_block(drive)),)),\n', "", LOADED),
     ("the rotor turns on in any mode", 'If(is_label("mode", "WAITING"), (Call', 'If(Not(is_label("mode", "FAULT")), (Call', LOADED),
     ("a start as slow as the reference", '(Set(asked, Operation("*", way, Name("START_SPEED"))),)', "(Set(asked, reference),)", LOADED),
+    ("a start forward where nothing is asked", '(If(Not(Compare("<", way, Number(0.0))), forward),)', "forward", LOADED),
+    ("a start where noise points", "return If(wanted, (pointing,), (If(Not(", "return pointing if way else If(wanted, (pointing,), (If(Not(", LOADED),
     ("a slow start forwards only", 'Operation("*", way, Name("START_SPEED"))', 'Name("START_SPEED")', LOADED),
     ("a fast start is slowed down", 'slow = Compare("<", square(reference)', 'slow = Compare(">", square(reference)', LOADED),
     ("torque of a caught rotor at once", '(Set(eased, Name("EASE")),)', '(Set(eased, Number(1.0)),)', LOADED),
