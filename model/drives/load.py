@@ -18,10 +18,10 @@ from typing import Any, get_args
 
 from pydantic import BaseModel, ValidationError
 
+from model.drives.states import check_states
 from model.drives.text import EncodingError, read_text
 from model.inverter import lost_voltage
 from model.machines import MACHINES, MachineError, find_machine
-from model.machines.mechanics import MECHANICS
 from model.machines.own import read_word, try_out
 from model.rating import rating
 from model.schema import (
@@ -236,7 +236,7 @@ def parse_drive(data: dict[str, Any], where: str, sha256: str = "", machine_text
         raise DriveError(f"drive '{where}': {explain(problems[0])}{more}") from None
     try:
         machine = find_machine(drive)
-        _check_lengths(drive, [quantity.name for quantity in machine.states], where)
+        check_states(drive, [quantity.name for quantity in machine.states], where)
         if drive.tolerance and drive.tolerance.dead_time and not lost_voltage(drive):
             raise DriveError(
                 f"drive '{where}': tolerance.dead_time says how far off [inverter] may be, and there is none: "
@@ -266,24 +266,6 @@ def _machine_file(data: dict[str, Any], path: Path) -> str:
             f"drive '{path.name}': machine file '{own.file if own else word}' cannot be read: {reason}. "
             "Its path is relative to the drive file."
         ) from None
-
-
-def _check_lengths(drive: Drive, electrical: list[str], where: str) -> None:
-    mechanical = [quantity.name for quantity in MECHANICS[drive.model.mechanics].states]
-    states = electrical + mechanical + list(drive.model.adaptive)
-    for key in ("initial_state", "initial_covariance", "process_noise"):
-        values = getattr(drive.filter, key)
-        if values is not None and len(values) != len(states):
-            raise DriveError(
-                f"drive '{where}': filter.{key} has {len(values)} entries; "
-                f"this model has {len(states)} states: {', '.join(states)}."
-            )
-    order = drive.filter.root_order
-    if order is not None and sorted(order) != sorted(states):
-        raise DriveError(
-            f"drive '{where}': filter.root_order names {', '.join(order) or 'nothing'}; "
-            f"it must name each of the model's states once: {', '.join(states)}."
-        )
 
 
 _SECTIONS: dict[str, type[BaseModel]] = {

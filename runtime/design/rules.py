@@ -12,6 +12,7 @@ import math
 from dataclasses import dataclass, field, replace
 from typing import Any
 
+from model.drives.states import most_angle_variance
 from model.schema import Bandwidth, HalfWidth, ShortTime, Speed, Torque, Variance
 from runtime.design.facts import Facts
 from runtime.design.known import (
@@ -171,6 +172,7 @@ def _filter(f: Facts, point: RatedPoint) -> Section:
         p0.append((f.d_R * f.R) ** 2 / 3)
         q.append(p0[-1] * 2 * f.T / adaptive_time(f))
         units.append("ohm^2")
+    p0[3] = min(p0[3], 0.99 * most_angle_variance(len(p0), ["ckf"]))  # three digits of it are still accepted
     angle = "anywhere" if f.angle >= math.pi else f"within {math.degrees(f.angle):.0f} degrees"
     single = (
         "one pass; its points see the currents bend with the angle" if salient else "h is linear: an ICKF is the same"

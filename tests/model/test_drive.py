@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import tomllib
 from pathlib import Path
 from typing import Any
@@ -9,7 +10,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from model.drives.load import DRIVES, cautions, load_drive, shipped_drives
+from model.drives.load import DRIVES, cautions, load_drive, parse_drive, shipped_drives
+from model.drives.states import most_angle_variance
 from model.schema import DriveError, Rated
 from tests.conftest import variant
 
@@ -59,6 +61,12 @@ def test_paper_drive_is_the_papers_table() -> None:
         ("[0.1, 0.1, 50, 0.1]", "[0.1, 0.1, 50]", "filter.initial_covariance has 3 entries; this model has 4 states"),
         ("[0.1, 0.1, 50, 0.1]", "[0.1, 0.1, -50, 0.1]", "filter.initial_covariance[2] = -50 is not positive"),
         (
+            "[0.1, 0.1, 50, 0.1]",
+            "[0.1, 0.1, 50, 2.23]",
+            "initial_covariance[3] = 2.23 rad^2, of theta: its points would be half a turn off and more, "
+            "where they tell no angle; at most 2.22 for 4 states.",
+        ),
+        (
             "[0.01, 0.01]",
             "[0.01, 1e-30]",
             "filter.measurement_noise[1] = 1e-30 is below 1e-18.",
@@ -88,6 +96,25 @@ def test_bad_input_is_explained(tmp_path: Path, old: str, new: str, expected: st
     assert expected in message
     assert message.startswith("drive 'my_motor.toml': ")
     assert "\n" not in message or "TOML" in message
+
+
+@pytest.mark.parametrize(("kinds", "reach"), [(["ckf"], 2.0), (["ickf", "ekf"], 2.0), (["ekf", "ukf"], math.sqrt(5))])
+def test_the_points_of_the_widest_angle_tell_it(kinds: list[str], reach: float) -> None:
+    """A point and its opposite, ``reach`` sigmas off on either side, are not yet one; none much wider is accepted."""
+    widest = most_angle_variance(4, kinds)
+    assert math.pi * 0.9 < reach * math.sqrt(widest) < math.pi < reach * 1.1 * math.sqrt(widest)
+    data = tomllib.loads(PAPER)
+    data["filter"] |= {"kinds": kinds, "initial_covariance": [0.1, 0.1, 50, widest]}
+    parse_drive(data, "widest")
+    data["filter"]["initial_covariance"][3] = 1.0001 * widest
+    with pytest.raises(DriveError, match="half a turn off"):
+        parse_drive(data, "wider")
+
+
+def test_an_ekf_draws_no_points() -> None:
+    data = tomllib.loads(PAPER)
+    data["filter"] |= {"kinds": ["ekf"], "initial_covariance": [0.1, 0.1, 50, 9.0]}
+    parse_drive(data, "ekf")
 
 
 def test_unknown_name_suggests_a_near_one() -> None:

@@ -167,7 +167,7 @@ def drawn(rng: np.random.Generator) -> Facts | None:
         key: float(rng.uniform(0, 0.5)) for key in ("stator_resistance", "inductance", "magnet_flux", "inertia")
     }
     tables["inverter"]["dead_time"] = min(1e-4, tables["inverter"]["sample_time"] * rng.uniform(0, 0.1))
-    tables["start"] = {"angle": float(rng.uniform(0, 180))}
+    tables["start"] = {"angle": "unknown" if rng.random() < 0.25 else float(rng.uniform(0, 180))}
     return parse_facts(tables, "drawn")
 
 
