@@ -65,7 +65,7 @@ def check_states(drive: Drive, electrical: list[str], where: str) -> None:
     variance = drive.filter.initial_covariance[k]
     if variance > most:
         raise DriveError(
-            f"drive '{where}': filter.initial_covariance[{k}] = {variance:g} rad^2, of theta: its points would be half a "
-            f"turn off and more, where they tell no angle; at most {most:.3g} for {len(states)} states. "
+            f"drive '{where}': filter.initial_covariance[{k}] = {variance:g} rad^2, of theta: its points would be "
+            f"half a turn off and more, where they tell no angle; at most {most:.3g} for {len(states)} states. "
             "A rotor that may stand anywhere is what [start] is for."
         )
