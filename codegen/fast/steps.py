@@ -18,9 +18,9 @@ from codegen.fast.turns import split_turns, spread_of
 from codegen.ir.covariance import place
 from codegen.ir.expr import Expr, GraphBlock, GraphBuilder, dot, sum_of
 from codegen.passes import PIPELINES, Pipelines, run_passes, weight
-from model.filters import build_filter
 from model.filters.conditions import ACCEPTED
 from model.filters.cubature import CUBATURE, Rule
+from model.filters.ickf import idle_iteration_proof, iterate
 from model.filters.inverter import f_inputs, inverter_calls
 from model.filters.program import Call, Copy, FilterStep, Guard, If, Node, Repeat, Turns, wrap_angle
 from model.filters.ukf import UNSCENTED
@@ -48,23 +48,27 @@ EVERYTHING = Options()
 
 def build_fast_filter(model: StateSpaceModel, kind: str, gain: str, options: Options = EVERYTHING) -> FilterStep:
     """The step of a filter, equal to :func:`model.filters.build_filter`'s up to rounding."""
-    literal = build_filter(model, kind, gain)
-    builders = _builders(model, kind, literal.gain, options)
-    if kind == "ickf" and literal.iteration_proof is None:
-        iterate, finish = _cheapest([builder.loop() for builder in builders], options)
-        *head, call = _calls(split_turns(iterate, "_pred"))
+    _ = model.constants  # which appear in one order then, whatever asks for them first
+    if kind == "ickf":
+        proof = idle_iteration_proof(model, iterate(model, gain))
+    else:
+        gain, proof = "cubature" if RULES[kind] else "jacobian", None
+    builders = _builders(model, kind, gain, options)
+    if kind == "ickf" and proof is None:
+        *passes, finish = _cheapest([builder.loop() for builder in builders], options)
+        *head, call = _calls(passes)
         assert not any(port.name == "x_j" for turns in head for port in turns.block.inputs), (
             "a turn that moves with x^j"
         )
         update: tuple[Node, ...] = (*head, Copy("x_j", "x_pred"), Repeat((call,)), Call(finish))
     else:
-        (measurement,) = _cheapest([[builder.measurement_update()] for builder in builders], options)
-        update = _calls(split_turns(measurement, "_pred"))
+        forms = [split_turns(builder.measurement_update(), "_pred") for builder in builders]
+        update = _calls(_cheapest(forms, options))
     time_update = _calls(_time_update(model, "ckf" if kind == "ickf" else kind, options))
     choice = If(ACCEPTED, (*update, average()), (Call(builders[0].coast()),))
     before: tuple[Node, ...] = (Guard(), *inverter_calls(model), *time_update)
     body: tuple[Node, ...] = (*before, watch_pivots(model), choice, *look_at_result(model), wrap_angle(model))
-    return FilterStep(kind, literal.gain, model, body, literal.iteration_proof, covariance="LD")
+    return FilterStep(kind, gain, model, body, proof, covariance="LD")
 
 
 def _calls(blocks: list[GraphBlock]) -> tuple[Call, ...]:
@@ -82,12 +86,12 @@ def _builders(model: StateSpaceModel, kind: str, gain: str, options: Options) ->
 @cache
 def _time_update(model: StateSpaceModel, kind: str, options: Options) -> list[GraphBlock]:
     """The time update, which CKF and ICKF share, behind its turns."""
-    (block,) = _cheapest([[builder.time_update()] for builder in _builders(model, kind, "cubature", options)], options)
-    return split_turns(block, "")
+    builders = _builders(model, kind, "cubature", options)
+    return _cheapest([split_turns(builder.time_update(), "") for builder in builders], options)
 
 
 def _cheapest(forms: list[list[GraphBlock]], options: Options) -> list[GraphBlock]:
-    """The form that computes its outputs with the least work."""
+    """The form whose blocks compute their outputs with the least work."""
 
     def work(block: GraphBlock) -> int:
         graph, moved = run_passes(block.graph, block.roots, options.pipelines)
@@ -182,9 +186,9 @@ class FilterBuilder(SigmaPoints):
         return b.build()
 
     def loop(self) -> list[GraphBlock]:
-        """One iterate, and what follows the last."""
+        """One iterate, behind its turns, and what follows the last."""
         iterate, meas = self.iterate()
-        return [iterate, self.finish(meas)]
+        return [*split_turns(iterate, "_pred"), self.finish(meas)]
 
     def iterate(self) -> tuple[GraphBlock, Measurement]:
         """One iterate, eq. 28-33; the covariance waits for the last one."""
