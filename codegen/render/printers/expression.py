@@ -172,3 +172,19 @@ def wrap_line(text: str, indent: str, hanging: str) -> str:
         break_on_hyphens=False,
     )
     return "\n".join(lines).replace("\0", " ")
+
+
+def horner(prefix: str, terms: int, variable: str) -> str:
+    """``((A_3 * z + A_2) * z + A_1) * z``: a polynomial without its constant, lowest power named 1.
+
+    Parameters
+    ----------
+    prefix : str
+        Of the coefficients' names.
+    terms : int
+    variable : str
+    """
+    text = f"{prefix}{terms}"
+    for k in range(terms - 1, 0, -1):
+        text = f"({text} * {variable} + {prefix}{k})"
+    return f"{text} * {variable}"
