@@ -70,6 +70,10 @@ class CPrinter(FlowPrinter):
         """Spell a division by the port header's macro; empty where the operator does."""
         return f"{self.numbers.divide}({left}, {right})" if self.numbers.divide else ""
 
+    def format_reciprocal(self, argument: str) -> str:
+        """Spell 1 / x by the port header's macro; empty where it is a division."""
+        return f"{self.numbers.reciprocal}({argument})" if self.numbers.reciprocal else ""
+
     def format_sqrt(self, argument: str) -> str:
         """Spell a square root."""
         return f"{self.numbers.sqrt}({argument})"

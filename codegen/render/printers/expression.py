@@ -38,6 +38,16 @@ class ExpressionPrinter:
         """
         return ""
 
+    def format_reciprocal(self, argument: str) -> str:
+        """Spell 1 / x as a call; empty where it is a division as any other.
+
+        Parameters
+        ----------
+        argument : str
+            Text of an expression.
+        """
+        return ""
+
     def format_sqrt(self, argument: str) -> str:
         """Spell a square root.
 
@@ -110,6 +120,8 @@ class ExpressionPrinter:
             text = self.format_literal(node.value)
             return text, (3 if text.startswith("-") else 4)
         args = [self._format(listing, arg) for arg in node.args]
+        if node.op == "div" and _is_one(listing, node.args[0]) and (call := self.format_reciprocal(args[1][0])):
+            return call, 4
         if node.op == "div" and (call := self.format_division(args[0][0], args[1][0])):
             return call, 4
         if node.op in _SYMBOL:
@@ -132,6 +144,11 @@ class ExpressionPrinter:
         left = _parenthesised(args[0], precedence)
         right = _parenthesised(args[1], precedence + 1)  # a right operand of equal rank keeps its parentheses
         return f"{left} {_SYMBOL[op]} {right}", precedence
+
+
+def _is_one(listing: Listing, index: int) -> bool:
+    node = listing.graph[index]
+    return node.op == "const" and node.value == 1.0 and index not in listing.names
 
 
 def _parenthesised(operand: tuple[str, int], least: int) -> str:
