@@ -14,7 +14,7 @@ from __future__ import annotations
 import gc
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from types import ModuleType
 
 import numpy as np
@@ -213,7 +213,8 @@ def build_steps(drive: Drive, form: str = "fast") -> tuple[StateSpaceModel, dict
     form : {"fast", "literal"}
     """
     model = build(drive)
-    return model, {kind: FORMS[form](model, kind, drive.filter.gain) for kind in dict.fromkeys(drive.filter.kinds)}
+    steps = {kind: FORMS[form](model, kind, drive.filter.gain) for kind in dict.fromkeys(drive.filter.kinds)}
+    return model, {kind: replace(step, constant_time=drive.constant_time) for kind, step in steps.items()}
 
 
 def lay_out_steps(model: StateSpaceModel, steps: dict[str, FilterStep]) -> dict[str, Listing]:

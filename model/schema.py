@@ -64,7 +64,7 @@ class Stated(BaseModel):
     def _numbers_are_numbers(cls, value: Any, info: ValidationInfo) -> Any:
         """Pydantic takes "2.875" for a number, and true for 1: in a file that is a slip."""
         key = info.field_name or ""
-        if cls.model_fields[key].annotation is not str:
+        if cls.model_fields[key].annotation not in {str, bool}:
             for entry in value if isinstance(value, list) else [value]:
                 if isinstance(entry, bool) or (isinstance(entry, str) and _reads_as_number(entry)):
                     shown = str(entry).lower() if isinstance(entry, bool) else repr(entry)
@@ -292,11 +292,22 @@ DEFAULT_TARGET = "f28335"
 
 
 class TargetChoice(Stated):
-    """The processor that C is generated for: ``name`` is a file of ``codegen/targets/chips``."""
+    """The processor that C is generated for: ``name`` is a file of ``codegen/targets/chips``.
+
+    ``constant_time``: every step of a filter whose status is 0 takes the same path, whatever its numbers.
+    """
 
     name: Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]{0,39}$")] = Field(
         default=DEFAULT_TARGET, description="a file of codegen/targets/chips"
     )
+    constant_time: Annotated[bool, Field(strict=True)] = Field(
+        default=False, description="true: every step of a filter whose status is 0 executes the same instructions"
+    )
+
+    @model_serializer(mode="wrap")
+    def _as_stated(self, dump: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        """What is left out does not show: folders of before read the same."""
+        return {key: value for key, value in dump(self).items() if key != "constant_time" or value}
 
 
 class Drive(_OnlyStated):
@@ -369,6 +380,11 @@ class Drive(_OnlyStated):
     def target_name(self) -> str:
         """The processor that C is generated for."""
         return self.target.name if self.target else DEFAULT_TARGET
+
+    @property
+    def constant_time(self) -> bool:
+        """Whether every step of a filter whose status is 0 takes the same path."""
+        return self.target is not None and self.target.constant_time
 
     @property
     def switching_frequency(self) -> float:

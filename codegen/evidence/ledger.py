@@ -29,6 +29,8 @@ OPERATIONS = ("add", "mul", "div", "sqrt", "compare", "select", "branch", "call"
 SINCOS = "sincos"
 #: 16-bit words of structs that are copied; a table has them only where there are any.
 COPIED = "copied"
+#: How many of the divisions are of 1: a port header may have them for less.
+RECIPROCAL = "reciprocal"
 SIN_COS = "sin_cos"
 TOLD = (*OPERATIONS, SINCOS)
 N_MAX = "max_iterations"
@@ -218,7 +220,10 @@ class _Body:
             return Counter({"branch": 1}) + self._children(node)
         name = "compare" if node.op in _COMPARISONS else _ARITHMETIC.get(node.op)
         computes = name and not _folded(node) and "float" in (self._kind(node.left), self._kind(node.right))
-        return Counter({name: 1} if name and computes else {}) + self._children(node)
+        own = Counter({name: 1} if name and computes else {})
+        if own["div"] and isinstance(node.left, c_ast.Constant) and float(node.left.value.rstrip("f")) == 1.0:
+            own[RECIPROCAL] = 1
+        return own + self._children(node)
 
     def _count_UnaryOp(self, node: Any) -> Count:
         computes = node.op in {"-", "++", "--", "p++", "p--"} and not _folded(node)
@@ -346,7 +351,7 @@ def _returns(node: Any) -> bool:
 
 
 def _table(count: Count) -> dict[str, int]:
-    seldom = {name: count[name] for name in (SINE, COPIED) if count[name]}
+    seldom = {name: count[name] for name in (SINE, COPIED, RECIPROCAL) if count[name]}
     return {name: count[name] for name in TOLD} | seldom
 
 

@@ -30,6 +30,9 @@ LIMIT = 0.5
 #: d = pi: there the two points of a column are one, and beyond it they alias. The step gives such an angle up.
 UNKNOWN = math.pi**2
 
+#: sinc and cosm1 where half of UNKNOWN is left.
+LEFT_SINC, LEFT_COSM1 = math.sin(math.sqrt(UNKNOWN / 2)) / math.sqrt(UNKNOWN / 2), math.cos(math.sqrt(UNKNOWN / 2)) - 1
+
 #: sinc = 1 + z (S0 + S1 z), 9.4e-7 at the worst;  cosm1 = z (C0 + C1 z + C2 z^2), 3.9e-7 of z / 2. A third
 #: coefficient of sinc would bring 1e-8 and cost two operations a column.
 SINC_COEFFICIENTS = (-0.16664553389661672, 0.008196313513515368)

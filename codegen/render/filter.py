@@ -13,7 +13,7 @@ from typing import Any, TypeVar
 from codegen.fast.guards import NIS_MAX, NIS_WEIGHT, sane_limit
 from codegen.ir.covariance import CovarianceLayout, state_place, variance_place
 from codegen.ir.layout import Listing
-from codegen.ir.small_angle import LIMIT, UNKNOWN, coefficients, small_angle_bound
+from codegen.ir.small_angle import LEFT_COSM1, LEFT_SINC, LIMIT, UNKNOWN, coefficients, small_angle_bound
 from codegen.ir.trig import INSIDE, wrap_listing
 from codegen.render.fill import render
 from codegen.render.printers.c import INDENT, STRUCT_FIELDS, CPrinter
@@ -139,7 +139,7 @@ def render_filter(
 ) -> tuple[str, str]:
     """Header and source of one filter in one number format; ``notes`` are the lines at the source's head."""
     model = about.model
-    printer = CPrinter(numbers)
+    printer = CPrinter(numbers, step.constant_time)
     layout = CovarianceLayout.of(step)
     looped = step.has(Repeat)
     spread = common_spread(listings[block.name] for block in step.blocks)
@@ -191,6 +191,7 @@ def _words(
     """Template context that header and source of a filter share."""
     drive, numbers, n = about.drive, printer.numbers, len(about.model.states)
     return {
+        "constant_time": step.constant_time,
         "p": f"{drive.name}_{step.kind}{numbers.tag}",
         "title": about.title(step.kind),
         "drive": drive.name,
@@ -264,21 +265,26 @@ def common_spread(listings: Iterable[Listing]) -> float | None:
     return next(iter(spreads), None)
 
 
-def small_angle_note(numbers: NumberFormat, n: float) -> list[str]:
+def small_angle_note(printer: CPrinter, n: float) -> list[str]:
     """The comment on sinc and cosm1: their definition and error.
 
     Parameters
     ----------
-    numbers : NumberFormat
+    printer : CPrinter
     n : float
         d^2 over z.
     """
     lines = [
         f"How far a column of L turns an angle, from z = d^2 / {n:g}: sin(d) / d = 1 + SINC_1 z + ..., "
         "cos(d) - 1 = COSM1_1 z + ...",
-        f"for d up to {LIMIT**0.5:.2g} rad; WIDE_ ones for d up to pi.",
+        "for d up to pi: one polynomial for every angle, so that no step asks how wide one is."
+        if printer.constant_time
+        else f"for d up to {LIMIT**0.5:.2g} rad; WIDE_ ones for d up to pi.",
     ]
-    if numbers.generated_trig:
+    if printer.numbers.generated_trig and printer.constant_time:
+        wide = small_angle_bound(n, wide=True)
+        lines.append(f"Error proved: sinc {wide.sinc:.1e}, cosm1 {wide.cosm1:.1e} of d^2 / 2.")
+    elif printer.numbers.generated_trig:
         bound, wide = small_angle_bound(n), small_angle_bound(n, wide=True)
         lines.append(
             f"Error proved: sinc {bound.sinc:.1e}, cosm1 {bound.cosm1:.1e} of d^2 / 2; "
@@ -288,25 +294,28 @@ def small_angle_note(numbers: NumberFormat, n: float) -> list[str]:
 
 
 def turn_context(printer: CPrinter, n: float) -> dict[str, Any]:
-    """Template context of ``widen.j2``: small angles z = d^2 / n, and those that are not."""
+    """Template context of ``widen.j2`` or ``give_up_angle.j2``: small angles z = d^2 / n, and those that are not."""
+    wide = coefficients(printer.numbers.precision, n, wide=True)
+    tag = "" if printer.constant_time else "WIDE_"
+    named = {f"{tag}SINC": wide[0], f"{tag}COSM1": wide[1]}
+    if not printer.constant_time:
+        named = dict(zip(("SINC", "COSM1"), coefficients(printer.numbers.precision, n), strict=True)) | named
     return {
-        "small_angle_note": small_angle_note(printer.numbers, n),
+        "small_angle_note": small_angle_note(printer, n),
         "spread": f"{n:g}",
         "turn_constants": [
             {"name": f"{prefix}_{k}", "text": printer.format_literal(value)}
-            for prefix, part in zip(
-                ("SINC", "COSM1", "WIDE_SINC", "WIDE_COSM1"),
-                (*coefficients(printer.numbers.precision, n), *coefficients(printer.numbers.precision, n, wide=True)),
-                strict=True,
-            )
+            for prefix, part in named.items()
             for k, value in enumerate(part, start=1)
         ],
+        "left_sinc": printer.format_literal(LEFT_SINC),
+        "left_cosm1": printer.format_literal(LEFT_COSM1),
         "small_turn": printer.format_literal(LIMIT / n),
         "unknown_turn": printer.format_literal(UNKNOWN / n),
         "half": printer.format_literal(0.5),
         "wide_turns": [
             wrap_line(f"turn[{place}] = {printer.format_turn(prefix, 'part')};", INDENT * 2, INDENT)
-            for place, prefix in (("2 * k", "WIDE_SINC"), ("(2 * k) + 1", "WIDE_COSM1"))
+            for place, prefix in (("2 * k", f"{tag}SINC"), ("(2 * k) + 1", f"{tag}COSM1"))
         ],
     }
 

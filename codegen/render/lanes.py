@@ -26,7 +26,7 @@ def render_lanes(about: Description, step: FilterStep, listings: dict[str, Listi
     operations = [listings[block.name].operations() for block in step.blocks]
     spread = common_spread(listings[block.name] for block in step.blocks)
     scalar = f"{about.drive.name}_{step.kind}"
-    printer = LanesPrinter(numbers, len(model.states), f"{scalar}_lanes_t")
+    printer = LanesPrinter(numbers, len(model.states), f"{scalar}_lanes_t", step.constant_time)
     program = "\n".join(printer.format_step(step))
     common = {
         "p": f"{scalar}_lanes",
@@ -40,12 +40,11 @@ def render_lanes(about: Description, step: FilterStep, listings: dict[str, Listi
         "packed": layout.size,
         "covariance": step.covariance,
         "guarded": step.has(Restart),
+        "constant_time": step.constant_time,
         "sane_limit": printer.format_literal(about.sane_limit),
         "per_sane_limit": printer.format_literal(1.0 / about.sane_limit),
         "one": printer.format_literal(1.0),
-        "most_turns": max(
-            (len(node.block.outputs[0].entries) for node in step.nodes if isinstance(node, Turns)), default=0
-        ),
+        "most_turns": max((len(node.block.outputs[0].entries) for node in step.all_of(Turns)), default=0),
         "layout": layout,
         "angle_columns": layout.row(ANGLE) + 1,
         "angle_row": layout.row_start(ANGLE),

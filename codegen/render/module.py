@@ -6,13 +6,14 @@ from typing import Any
 
 from codegen.ir.covariance import CovarianceLayout
 from codegen.ir.layout import Listing
-from codegen.ir.small_angle import LIMIT, UNKNOWN, small_angle_listing
+from codegen.ir.small_angle import LEFT_COSM1, LEFT_SINC, LIMIT, UNKNOWN, small_angle_listing
 from codegen.ir.trig import DOUBLE, SINGLE, sin_cos_listing, wrap_listing
 from codegen.render.fill import render
 from codegen.render.filter import ANGLE, Description, named_constants, tuning
 from codegen.render.printers.python import PythonPrinter
 from model.filters import FilterStep
 from model.filters.program import Restart, Seldom
+from model.schema import Drive
 
 
 def render_module(
@@ -30,7 +31,7 @@ def render_module(
         Template context of controller (:mod:`codegen.render.drive`) and supervisor (:mod:`codegen.render.supervisor`).
     """
     drive, model = about.drive, about.model
-    printer = PythonPrinter()
+    printer = PythonPrinter(drive.constant_time)
     (covariance,) = {step.covariance for step in steps.values()}
     printer.covariance = covariance
     layout = CovarianceLayout.of(next(iter(steps.values())))
@@ -60,9 +61,7 @@ def render_module(
         defaults={key: repr(value) for key, value in tuning(about, guarded).items()},
         constants=_constants(about, listings, around),
         helpers=helpers,
-        spreads=[f"{n:g}" for n in spreads],
-        unknown={f"{n:g}": repr(UNKNOWN / n) for n in spreads},
-        small={f"{n:g}": repr(LIMIT / n) for n in spreads},
+        **_turns(drive, spreads),
         guarded=guarded,
         seldom=["\n".join(printer.format_seldom(node)) for node in seldom],
         sane_limit=repr(about.sane_limit),
@@ -74,6 +73,17 @@ def render_module(
         blocks=[printer.format_block(listing) for listing in listings.values()],
         steps=[{"kind": kind, "program": "\n".join(printer.format_step(step))} for kind, step in steps.items()],
     )
+
+
+def _turns(drive: Drive, spreads: list[float]) -> dict[str, Any]:
+    """What the module says of the angles that columns turn by; ``left``: sinc and cosm1 of one that was given up."""
+    return {
+        "constant_time": drive.constant_time,
+        "spreads": [f"{n:g}" for n in spreads],
+        "unknown": {f"{n:g}": repr(UNKNOWN / n) for n in spreads},
+        "small": {f"{n:g}": repr(LIMIT / n) for n in spreads},
+        "left": (repr(LEFT_SINC), repr(LEFT_COSM1)),
+    }
 
 
 def _constants(about: Description, listings: dict[str, Listing], around: dict[str, Any]) -> list[dict[str, str]]:
@@ -89,9 +99,9 @@ def _constants(about: Description, listings: dict[str, Listing], around: dict[st
 
 
 def _python_small_angle(printer: PythonPrinter, n: float) -> str:
-    """The polynomials of small and of wide turns, in both precisions."""
+    """The polynomials of small and of wide turns, in both precisions; in constant time those of wide ones alone."""
     return "\n\n\n".join(
         printer.format_helper(small_angle_listing(precision, n, wide), tag)
         for tag, precision in (("f32", SINGLE), ("f64", DOUBLE))
-        for wide in (False, True)
+        for wide in ((True,) if printer.constant_time else (False, True))
     )

@@ -43,6 +43,8 @@ def filter_notes(
         What the chip is expected to add; None: nothing.
     """
     notes = [f"For {target.purpose if target else HOST_PURPOSE}."]
+    if step.constant_time:
+        notes.append("Constant time: every step whose status is 0 takes the same path, whatever its numbers.")
     if target is not None:
         notes += cost_notes(account.filter, account.prices)
     if step.model.root_order and step.kind != "ekf":
@@ -51,6 +53,8 @@ def filter_notes(
         iteration = (
             "one pass: H is constant, iterating is provably idle"
             if step.iteration_proof
+            else "N_max passes of one update"
+            if step.constant_time
             else "loop over one update, at most N_max"
         )
         notes.append(f"Gain: {step.gain}. Iteration: {iteration}.")

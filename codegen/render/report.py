@@ -6,7 +6,7 @@ from typing import Any
 
 from codegen.evidence.budget import Account, late
 from codegen.evidence.certificate import Figures
-from codegen.evidence.ledger import TOLD, Ledger
+from codegen.evidence.ledger import RECIPROCAL, TOLD, Ledger
 from codegen.evidence.measure import Record
 from codegen.ir.trig import sin_cos_bound
 from codegen.render.fill import render
@@ -93,6 +93,7 @@ def _budget(about: Description, accounts: dict[str, Account], measured: dict[str
     compilers = sorted({record["compiler"] for record in measured.values() if "compiler" in record})
     return {
         "interrupts": _interrupts(about, accounts, measured),
+        "reciprocals": _reciprocals(accounts, prices),
         "rivals": any("STARTING" in account.interrupts for account in accounts.values()),
         "operations": TOLD,
         "prices": prices,
@@ -104,6 +105,19 @@ def _budget(about: Description, accounts: dict[str, Account], measured: dict[str
         "compilers": compilers,
         "limits": {key: value for key, value in about.drive.budget.model_dump().items() if value is not None},
     }
+
+
+def _reciprocals(accounts: dict[str, Account], prices: Prices | None) -> list[tuple[str, int, int]]:
+    """By filter: its reciprocals, and the cycles of its step with each in line; none where that has no price."""
+    if prices is None or not prices.reciprocal:
+        return []
+    saved = prices.cycles["div"] - prices.reciprocal
+    counted = {kind: account.filter.operations for kind, account in accounts.items()}
+    return [
+        (kind, count[RECIPROCAL], prices.total(count, prices.factors[0]) - saved * count[RECIPROCAL])
+        for kind, count in counted.items()
+        if count.get(RECIPROCAL)
+    ]
 
 
 def _period(about: Description, prices: Prices) -> dict[str, int]:

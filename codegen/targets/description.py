@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, Literal
 
-from codegen.targets.numbers import FLOAT32, NumberFormat
+from codegen.targets.numbers import PORTED, NumberFormat
 
 
 @dataclass(frozen=True)
@@ -195,6 +195,8 @@ class Prices:
         Cycles by operation, of the others.
     interrupt : int
         Cycles of an interrupt's entry and exit.
+    reciprocal : int
+        Cycles of a seed and two Newton steps in line, in the place of the division that they do without; 0: not known.
     on : str
         The processor, as the C file's head calls it.
     formula, k, sources : str
@@ -210,6 +212,7 @@ class Prices:
     formula: str
     k: str
     sources: str
+    reciprocal: int = 0
 
     @property
     def periods(self) -> dict[str, int]:
@@ -353,7 +356,7 @@ class Target:
     stand_in: StandIn
     example: Example
     compiler: Compiler = Compiler()
-    numbers: NumberFormat = FLOAT32
+    numbers: NumberFormat = PORTED
     native: NativeMath | None = None
     sections: Sections = Sections()
     arithmetic: Arithmetic | None = None

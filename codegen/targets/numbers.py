@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from codegen.ir.trig import DOUBLE, SINGLE, Precision
 
@@ -26,6 +26,8 @@ class NumberFormat:
         Appended to file and function names, so that two formats can live in one program.
     divide : str
         Macro of the port header by which two numbers are divided; empty: the operator ``/``.
+    reciprocal : str
+        Macro of the port header for 1 / x; empty: 1 is divided as any other number.
     turns : tuple of str
         Macros of the port header that give sine and cosine of an angle in turns, where the processor has instructions
         for them; empty: there are none. Where a macro is not defined, the generated arithmetic takes its place.
@@ -39,10 +41,13 @@ class NumberFormat:
     generated_trig: bool
     tag: str
     divide: str = ""
+    reciprocal: str = ""
     turns: tuple[str, ...] = ()
 
 
 #: float32 in plain operators; sine and cosine are generated arithmetic, the same bits on every IEEE machine.
 FLOAT32 = NumberFormat("float32", "f", "PMSM_SQRT", "sqrtf", SINGLE, True, "")
+#: The same in a file for a processor, where a reciprocal may be had for less than a division.
+PORTED = replace(FLOAT32, reciprocal="PMSM_RECIPROCAL")
 #: float64 for comparison on the host, with the platform's sine and cosine.
 FLOAT64 = NumberFormat("float64", "", "sqrt", "sqrt", DOUBLE, False, "_f64")

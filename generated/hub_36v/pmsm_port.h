@@ -90,6 +90,14 @@ typedef int pmsm_Uint32_must_have_32_bits[(CHAR_BIT * sizeof(Uint32) == 32U) ? 1
 typedef int pmsm_addressable_unit_must_have_8_or_16_bits[(CHAR_BIT == 8 || CHAR_BIT == 16) ? 1 : -1];
 typedef int pmsm_int_must_have_at_least_16_bits[(CHAR_BIT * sizeof(int) >= 16U) ? 1 : -1];
 
+/* --- a reciprocal --------------------------------------------------------------------------------------------- */
+
+/* What a filter divides by more than once it takes the reciprocal of. Define PMSM_RECIPROCAL beforehand where the
+ * processor has it for less than a division: two units in the last place will do. */
+#ifndef PMSM_RECIPROCAL
+#define PMSM_RECIPROCAL(x) (1.0f / (x))
+#endif
+
 /* --- the one function of the C library ----------------------------------------------------------------------- */
 
 /* Square root of a float32. Strict C89 headers do not declare sqrtf, and an undeclared one would be called with a

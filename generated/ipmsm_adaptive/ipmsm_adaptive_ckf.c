@@ -483,7 +483,7 @@ static void time_update(const float32 x[7], const float32 LD[28], const float32 
     const float32 P_pred_33 = HALF_T_POLE_PAIRS * (P_pred_32 + part_of_P_pred_32_2 +
         D_omega * HALF_T_POLE_PAIRS) + D_theta * odd_theta_mid_0 * odd_theta_mid_0 + Q_3;
     const float32 D_pred_theta = larger(P_pred_33, Q_3);
-    const float32 inv_D_pred_theta = 1.0f / D_pred_theta;
+    const float32 inv_D_pred_theta = PMSM_RECIPROCAL(D_pred_theta);
     const float32 L_pred_10 = P_pred_32 * inv_D_pred_theta;
     const float32 Q_2 = Q[2];
     const float32 P_pred_22 = part_of_P_pred_32 + Q_2;
@@ -497,7 +497,7 @@ static void time_update(const float32 x[7], const float32 LD[28], const float32 
         odd_theta_mid_0 * D_odd_stator_resistance_0;
     const float32 L_pred_20 = inv_D_pred_theta * P_pred_63;
     const float32 LD_pred_21 = P_pred_62 - L_pred_10 * P_pred_63;
-    const float32 inv_D_pred_omega = 1.0f / D_pred_omega;
+    const float32 inv_D_pred_omega = PMSM_RECIPROCAL(D_pred_omega);
     const float32 L_pred_21 = LD_pred_21 * inv_D_pred_omega;
     const float32 Q_6 = Q[6];
     const float32 P_pred_66 = odd_stator_resistance_next_0 * D_odd_stator_resistance_0 +
@@ -520,7 +520,7 @@ static void time_update(const float32 x[7], const float32 LD[28], const float32 
         D_odd_stator_resistance_1 * odd_magnet_flux_next_1 +
         D_odd_stator_resistance_2 * odd_magnet_flux_next_2;
     const float32 LD_pred_32 = P_pred_65 - L_pred_20 * P_pred_53 - L_pred_21 * LD_pred_31;
-    const float32 inv_D_pred_stator_resistance = 1.0f / D_pred_stator_resistance;
+    const float32 inv_D_pred_stator_resistance = PMSM_RECIPROCAL(D_pred_stator_resistance);
     const float32 L_pred_32 = LD_pred_32 * inv_D_pred_stator_resistance;
     const float32 Q_5 = Q[5];
     const float32 P_pred_55 = odd_magnet_flux_next_0 * D_odd_magnet_flux_0 +
@@ -573,7 +573,7 @@ static void time_update(const float32 x[7], const float32 LD[28], const float32 
     const float32 P_pred_50 = cos_theta_mid * P_turned_50 - sin_theta_mid * P_turned_51;
     const float32 LD_pred_43 = P_pred_50 - L_pred_30 * P_pred_30 - L_pred_31 * LD_pred_41 -
         L_pred_32 * LD_pred_42;
-    const float32 inv_D_pred_magnet_flux = 1.0f / D_pred_magnet_flux;
+    const float32 inv_D_pred_magnet_flux = PMSM_RECIPROCAL(D_pred_magnet_flux);
     const float32 L_pred_43 = LD_pred_43 * inv_D_pred_magnet_flux;
     const float32 P_turned_00 = odd_psi_alpha_next_0 * D_odd_psi_alpha_0 +
         odd_psi_alpha_next_1 * D_odd_psi_alpha_1 + D_stator_resistance * odd_psi_d_next_2 * odd_psi_d_next_2 +
@@ -619,7 +619,7 @@ static void time_update(const float32 x[7], const float32 LD[28], const float32 
     const float32 P_pred_10 = cos_theta_mid * P_tilt - P_turned_10;
     const float32 LD_pred_54 = P_pred_10 - L_pred_40 * P_pred_31 - L_pred_41 * LD_pred_51 -
         L_pred_42 * LD_pred_52 - L_pred_43 * LD_pred_53;
-    const float32 inv_D_pred_psi_alpha = 1.0f / D_pred_psi_alpha;
+    const float32 inv_D_pred_psi_alpha = PMSM_RECIPROCAL(D_pred_psi_alpha);
     const float32 L_pred_54 = LD_pred_54 * inv_D_pred_psi_alpha;
     const float32 Q_1 = Q[1];
     const float32 P_pred_11 = P_turned_11 + P_turn + Q_1;
@@ -850,7 +850,7 @@ static void ckf_measurement_update(const float32 x_pred[7], const float32 LD_pre
     const float32 var_first_1 = var_first_2 + odd_y_i_alpha_1 * g_first_1;
     const float32 g_first_0 = D_pred_theta * odd_y_i_alpha_0;
     const float32 var_first = var_first_1 + odd_y_i_alpha_0 * g_first_0;
-    const float32 one_per_var_first = 1.0f / var_first;
+    const float32 one_per_var_first = PMSM_RECIPROCAL(var_first);
     const float32 nu_by_var_first = innovation_i_alpha * one_per_var_first;
     const float32 HL_15_apart = odd_y_i_beta_5 - HL_05 * noise_10_per_noise_00;
     const float32 HL_14_apart = odd_y_i_beta_4 - HL_04 * noise_10_per_noise_00;
@@ -873,25 +873,25 @@ static void ckf_measurement_update(const float32 x_pred[7], const float32 LD_pre
     const float32 change_first_54 =
         INV_L_Q_PLUS_SALIENCY_SQ * sin_theta_pred * odd_psi_d_pred_4 * D_pred_psi_beta_per_var_first_5;
     const float32 f_second_4 = HL_14_apart - HL_15_apart * change_first_54;
-    const float32 one_per_var_first_4 = 1.0f / var_first_4;
+    const float32 one_per_var_first_4 = PMSM_RECIPROCAL(var_first_4);
     const float32 D_first_4 = var_first_5 * (D_pred_psi_alpha * one_per_var_first_4);
     const float32 g_second_4 = D_first_4 * f_second_4;
     const float32 var_second_4 = var_second_5 + f_second_4 * g_second_4;
     const float32 lambda_first_3 = odd_y_i_alpha_3 * one_per_var_first_4;
     const float32 f_second_3 = HL_13_apart - lambda_first_3 * gain_first_y4;
-    const float32 one_per_var_first_3 = 1.0f / var_first_3;
+    const float32 one_per_var_first_3 = PMSM_RECIPROCAL(var_first_3);
     const float32 D_first_3 = var_first_4 * (D_pred_magnet_flux * one_per_var_first_3);
     const float32 g_second_3 = D_first_3 * f_second_3;
     const float32 var_second_3 = var_second_4 + f_second_3 * g_second_3;
     const float32 lambda_first_2 = odd_y_i_alpha_2 * one_per_var_first_3;
     const float32 f_second_2 = HL_12_apart - lambda_first_2 * gain_first_y3;
-    const float32 one_per_var_first_2 = 1.0f / var_first_2;
+    const float32 one_per_var_first_2 = PMSM_RECIPROCAL(var_first_2);
     const float32 D_first_2 = var_first_3 * (D_pred_stator_resistance * one_per_var_first_2);
     const float32 g_second_2 = D_first_2 * f_second_2;
     const float32 var_second_2 = var_second_3 + f_second_2 * g_second_2;
     const float32 lambda_first_1 = odd_y_i_alpha_1 * one_per_var_first_2;
     const float32 f_second_1 = HL_11_apart - lambda_first_1 * gain_first_y2;
-    const float32 one_per_var_first_1 = 1.0f / var_first_1;
+    const float32 one_per_var_first_1 = PMSM_RECIPROCAL(var_first_1);
     const float32 D_first_1 = var_first_2 * (D_pred_omega * one_per_var_first_1);
     const float32 g_second_1 = D_first_1 * f_second_1;
     const float32 var_second_1 = var_second_2 + f_second_1 * g_second_1;
@@ -910,7 +910,7 @@ static void ckf_measurement_update(const float32 x_pred[7], const float32 LD_pre
     const float32 L_first_41 = L_pred_41 - gain_first_42 * lambda_first_1;
     const float32 gain_second_41 = gain_second_42 + L_first_41 * g_second_1;
     const float32 L_first_40 = L_pred_40 - gain_first_41 * lambda_first_0;
-    const float32 one_per_var_second = 1.0f / var_second;
+    const float32 one_per_var_second = PMSM_RECIPROCAL(var_second);
     const float32 nu_by_var_second = innovation_after_first * one_per_var_second;
     const float32 psi_alpha_new = (gain_first_41 + L_pred_40 * g_first_0) * nu_by_var_first +
         (gain_second_41 + L_first_40 * g_second_0) * nu_by_var_second + psi_alpha_pred;
@@ -980,25 +980,25 @@ static void ckf_measurement_update(const float32 x_pred[7], const float32 LD_pre
 
     /* --- eq. 26: L D L^T = P_new */
     const float32 D_new_theta = D_first_0 * var_second_1 * one_per_var_second;
-    const float32 one_per_var_second_1 = 1.0f / var_second_1;
+    const float32 one_per_var_second_1 = PMSM_RECIPROCAL(var_second_1);
     const float32 lambda_second_0 = f_second_0 * one_per_var_second_1;
     const float32 L_new_10 = L_first_10 - g_second_1 * lambda_second_0;
     const float32 D_new_omega = D_first_1 * var_second_2 * one_per_var_second_1;
     const float32 L_new_20 = L_first_20 - gain_second_21 * lambda_second_0;
-    const float32 one_per_var_second_2 = 1.0f / var_second_2;
+    const float32 one_per_var_second_2 = PMSM_RECIPROCAL(var_second_2);
     const float32 lambda_second_1 = f_second_1 * one_per_var_second_2;
     const float32 L_new_21 = L_first_21 - g_second_2 * lambda_second_1;
     const float32 D_new_stator_resistance = D_first_2 * var_second_3 * one_per_var_second_2;
     const float32 L_new_30 = L_first_30 - gain_second_31 * lambda_second_0;
     const float32 L_new_31 = L_first_31 - gain_second_32 * lambda_second_1;
-    const float32 one_per_var_second_3 = 1.0f / var_second_3;
+    const float32 one_per_var_second_3 = PMSM_RECIPROCAL(var_second_3);
     const float32 lambda_second_2 = f_second_2 * one_per_var_second_3;
     const float32 L_new_32 = L_first_32 - g_second_3 * lambda_second_2;
     const float32 D_new_magnet_flux = D_first_3 * var_second_4 * one_per_var_second_3;
     const float32 L_new_40 = L_first_40 - gain_second_41 * lambda_second_0;
     const float32 L_new_41 = L_first_41 - gain_second_42 * lambda_second_1;
     const float32 L_new_42 = L_first_42 - gain_second_43 * lambda_second_2;
-    const float32 one_per_var_second_4 = 1.0f / var_second_4;
+    const float32 one_per_var_second_4 = PMSM_RECIPROCAL(var_second_4);
     const float32 lambda_second_3 = f_second_3 * one_per_var_second_4;
     const float32 L_new_43 = L_first_43 - g_second_4 * lambda_second_3;
     const float32 D_new_psi_alpha = D_first_4 * var_second_5 * one_per_var_second_4;
@@ -1006,7 +1006,7 @@ static void ckf_measurement_update(const float32 x_pred[7], const float32 LD_pre
     const float32 L_new_51 = L_first_51 - gain_second_52 * lambda_second_1;
     const float32 L_new_52 = L_first_52 - gain_second_53 * lambda_second_2;
     const float32 L_new_53 = L_first_53 - gain_second_54 * lambda_second_3;
-    const float32 one_per_var_second_5 = 1.0f / var_second_5;
+    const float32 one_per_var_second_5 = PMSM_RECIPROCAL(var_second_5);
     const float32 change_second_54 = g_second_5 * f_second_4 * one_per_var_second_5;
     const float32 L_new_54 = L_first_54 - change_second_54;
     const float32 D_new_psi_beta = D_first_5 * R_second * one_per_var_second_5;

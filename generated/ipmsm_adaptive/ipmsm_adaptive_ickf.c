@@ -490,7 +490,7 @@ static void time_update(const float32 x[7], const float32 LD[28], const float32 
     const float32 P_pred_33 = HALF_T_POLE_PAIRS * (P_pred_32 + part_of_P_pred_32_2 +
         D_omega * HALF_T_POLE_PAIRS) + D_theta * odd_theta_mid_0 * odd_theta_mid_0 + Q_3;
     const float32 D_pred_theta = larger(P_pred_33, Q_3);
-    const float32 inv_D_pred_theta = 1.0f / D_pred_theta;
+    const float32 inv_D_pred_theta = PMSM_RECIPROCAL(D_pred_theta);
     const float32 L_pred_10 = P_pred_32 * inv_D_pred_theta;
     const float32 Q_2 = Q[2];
     const float32 P_pred_22 = part_of_P_pred_32 + Q_2;
@@ -504,7 +504,7 @@ static void time_update(const float32 x[7], const float32 LD[28], const float32 
         odd_theta_mid_0 * D_odd_stator_resistance_0;
     const float32 L_pred_20 = inv_D_pred_theta * P_pred_63;
     const float32 LD_pred_21 = P_pred_62 - L_pred_10 * P_pred_63;
-    const float32 inv_D_pred_omega = 1.0f / D_pred_omega;
+    const float32 inv_D_pred_omega = PMSM_RECIPROCAL(D_pred_omega);
     const float32 L_pred_21 = LD_pred_21 * inv_D_pred_omega;
     const float32 Q_6 = Q[6];
     const float32 P_pred_66 = odd_stator_resistance_next_0 * D_odd_stator_resistance_0 +
@@ -527,7 +527,7 @@ static void time_update(const float32 x[7], const float32 LD[28], const float32 
         D_odd_stator_resistance_1 * odd_magnet_flux_next_1 +
         D_odd_stator_resistance_2 * odd_magnet_flux_next_2;
     const float32 LD_pred_32 = P_pred_65 - L_pred_20 * P_pred_53 - L_pred_21 * LD_pred_31;
-    const float32 inv_D_pred_stator_resistance = 1.0f / D_pred_stator_resistance;
+    const float32 inv_D_pred_stator_resistance = PMSM_RECIPROCAL(D_pred_stator_resistance);
     const float32 L_pred_32 = LD_pred_32 * inv_D_pred_stator_resistance;
     const float32 Q_5 = Q[5];
     const float32 P_pred_55 = odd_magnet_flux_next_0 * D_odd_magnet_flux_0 +
@@ -580,7 +580,7 @@ static void time_update(const float32 x[7], const float32 LD[28], const float32 
     const float32 P_pred_50 = cos_theta_mid * P_turned_50 - sin_theta_mid * P_turned_51;
     const float32 LD_pred_43 = P_pred_50 - L_pred_30 * P_pred_30 - L_pred_31 * LD_pred_41 -
         L_pred_32 * LD_pred_42;
-    const float32 inv_D_pred_magnet_flux = 1.0f / D_pred_magnet_flux;
+    const float32 inv_D_pred_magnet_flux = PMSM_RECIPROCAL(D_pred_magnet_flux);
     const float32 L_pred_43 = LD_pred_43 * inv_D_pred_magnet_flux;
     const float32 P_turned_00 = odd_psi_alpha_next_0 * D_odd_psi_alpha_0 +
         odd_psi_alpha_next_1 * D_odd_psi_alpha_1 + D_stator_resistance * odd_psi_d_next_2 * odd_psi_d_next_2 +
@@ -626,7 +626,7 @@ static void time_update(const float32 x[7], const float32 LD[28], const float32 
     const float32 P_pred_10 = cos_theta_mid * P_tilt - P_turned_10;
     const float32 LD_pred_54 = P_pred_10 - L_pred_40 * P_pred_31 - L_pred_41 * LD_pred_51 -
         L_pred_42 * LD_pred_52 - L_pred_43 * LD_pred_53;
-    const float32 inv_D_pred_psi_alpha = 1.0f / D_pred_psi_alpha;
+    const float32 inv_D_pred_psi_alpha = PMSM_RECIPROCAL(D_pred_psi_alpha);
     const float32 L_pred_54 = LD_pred_54 * inv_D_pred_psi_alpha;
     const float32 Q_1 = Q[1];
     const float32 P_pred_11 = P_turned_11 + P_turn + Q_1;
@@ -834,7 +834,7 @@ static void ickf_iterate(const float32 x_j[7], const float32 x_pred[7], const fl
         D_HL_04 * HL_14 + slope_y_i_alpha_1 * D_HL_15;
 
     /* --- eq. 28: Pyy^-1 innovation */
-    const float32 one_per_Pyy_00 = 1.0f / Pyy_00;
+    const float32 one_per_Pyy_00 = PMSM_RECIPROCAL(Pyy_00);
     const float32 Pyy_10_per_Pyy_00 = one_per_Pyy_00 * Pyy_10;
     const float32 D_HL_10 = D_pred_theta * HL_10;
     const float32 D_HL_11 = D_pred_omega * HL_11;
@@ -956,7 +956,7 @@ static void ickf_finish(const float32 x_j[7], const float32 LD_pred[28], const f
     const float32 change_first_54 = HL_05 * HL_04 * D_pred_psi_beta_per_var_first_5;
     const float32 HL_14 = HL[10];
     const float32 f_second_4 = HL_14 - HL_15 * change_first_54;
-    const float32 one_per_var_first_4 = 1.0f / var_first_4;
+    const float32 one_per_var_first_4 = PMSM_RECIPROCAL(var_first_4);
     const float32 D_first_4 = var_first_5 * (D_pred_psi_alpha * one_per_var_first_4);
     const float32 g_second_4 = f_second_4 * D_first_4;
     const float32 var_second_4 = var_second_5 + f_second_4 * g_second_4;
@@ -964,7 +964,7 @@ static void ickf_finish(const float32 x_j[7], const float32 LD_pred[28], const f
     const float32 gain_first_y4 = g_first_5 * HL_15 + g_first_4 * HL_14;
     const float32 HL_13 = HL[9];
     const float32 f_second_3 = HL_13 - lambda_first_3 * gain_first_y4;
-    const float32 one_per_var_first_3 = 1.0f / var_first_3;
+    const float32 one_per_var_first_3 = PMSM_RECIPROCAL(var_first_3);
     const float32 D_first_3 = var_first_4 * (D_pred_magnet_flux * one_per_var_first_3);
     const float32 g_second_3 = f_second_3 * D_first_3;
     const float32 var_second_3 = var_second_4 + f_second_3 * g_second_3;
@@ -972,7 +972,7 @@ static void ickf_finish(const float32 x_j[7], const float32 LD_pred[28], const f
     const float32 gain_first_y3 = gain_first_y4 + g_first_3 * HL_13;
     const float32 HL_12 = HL[8];
     const float32 f_second_2 = HL_12 - lambda_first_2 * gain_first_y3;
-    const float32 one_per_var_first_2 = 1.0f / var_first_2;
+    const float32 one_per_var_first_2 = PMSM_RECIPROCAL(var_first_2);
     const float32 D_first_2 = var_first_3 * (D_pred_stator_resistance * one_per_var_first_2);
     const float32 g_second_2 = f_second_2 * D_first_2;
     const float32 var_second_2 = var_second_3 + f_second_2 * g_second_2;
@@ -980,7 +980,7 @@ static void ickf_finish(const float32 x_j[7], const float32 LD_pred[28], const f
     const float32 gain_first_y2 = gain_first_y3 + g_first_2 * HL_12;
     const float32 HL_11 = HL[7];
     const float32 f_second_1 = HL_11 - lambda_first_1 * gain_first_y2;
-    const float32 one_per_var_first_1 = 1.0f / var_first_1;
+    const float32 one_per_var_first_1 = PMSM_RECIPROCAL(var_first_1);
     const float32 D_first_1 = var_first_2 * (D_pred_omega * one_per_var_first_1);
     const float32 g_second_1 = f_second_1 * D_first_1;
     const float32 var_second_1 = var_second_2 + f_second_1 * g_second_1;
@@ -999,7 +999,7 @@ static void ickf_finish(const float32 x_j[7], const float32 LD_pred[28], const f
 
     /* --- eq. 32: L D L^T = P_new */
     const float32 D_new_theta = D_first_0 * var_second_1 / var_second;
-    const float32 one_per_var_second_1 = 1.0f / var_second_1;
+    const float32 one_per_var_second_1 = PMSM_RECIPROCAL(var_second_1);
     const float32 lambda_second_0 = f_second_0 * one_per_var_second_1;
     const float32 L_pred_10 = LD_pred[1];
     const float32 L_new_10 = L_pred_10 - g_first_1 * lambda_first_0 - g_second_1 * lambda_second_0;
@@ -1009,7 +1009,7 @@ static void ickf_finish(const float32 x_j[7], const float32 LD_pred[28], const f
     const float32 L_pred_20 = LD_pred[3];
     const float32 L_new_20 = L_pred_20 - lambda_first_0 * (g_first_2 + g_first_1 * L_pred_21) -
         lambda_second_0 * (g_second_2 + g_second_1 * L_first_21);
-    const float32 one_per_var_second_2 = 1.0f / var_second_2;
+    const float32 one_per_var_second_2 = PMSM_RECIPROCAL(var_second_2);
     const float32 lambda_second_1 = f_second_1 * one_per_var_second_2;
     const float32 L_new_21 = L_first_21 - g_second_2 * lambda_second_1;
     const float32 D_new_stator_resistance = var_second_3 * D_first_2 * one_per_var_second_2;
@@ -1023,7 +1023,7 @@ static void ickf_finish(const float32 x_j[7], const float32 LD_pred[28], const f
     const float32 L_new_30 = L_pred_30 - lambda_first_0 * (gain_first_32 + g_first_1 * L_pred_31) -
         lambda_second_0 * (gain_second_32 + g_second_1 * L_first_31);
     const float32 L_new_31 = L_first_31 - lambda_second_1 * gain_second_32;
-    const float32 one_per_var_second_3 = 1.0f / var_second_3;
+    const float32 one_per_var_second_3 = PMSM_RECIPROCAL(var_second_3);
     const float32 lambda_second_2 = f_second_2 * one_per_var_second_3;
     const float32 L_new_32 = L_first_32 - g_second_3 * lambda_second_2;
     const float32 D_new_magnet_flux = var_second_4 * D_first_3 * one_per_var_second_3;
@@ -1042,7 +1042,7 @@ static void ickf_finish(const float32 x_j[7], const float32 LD_pred[28], const f
         lambda_second_0 * (gain_second_42 + g_second_1 * L_first_41);
     const float32 L_new_41 = L_first_41 - lambda_second_1 * gain_second_42;
     const float32 L_new_42 = L_first_42 - lambda_second_2 * gain_second_43;
-    const float32 one_per_var_second_4 = 1.0f / var_second_4;
+    const float32 one_per_var_second_4 = PMSM_RECIPROCAL(var_second_4);
     const float32 lambda_second_3 = f_second_3 * one_per_var_second_4;
     const float32 L_new_43 = L_first_43 - g_second_4 * lambda_second_3;
     const float32 D_new_psi_alpha = var_second_5 * D_first_4 * one_per_var_second_4;
@@ -1066,7 +1066,7 @@ static void ickf_finish(const float32 x_j[7], const float32 LD_pred[28], const f
     const float32 L_new_51 = L_first_51 - lambda_second_1 * gain_second_52;
     const float32 L_new_52 = L_first_52 - lambda_second_2 * gain_second_53;
     const float32 L_new_53 = L_first_53 - lambda_second_3 * gain_second_54;
-    const float32 one_per_var_second_5 = 1.0f / var_second_5;
+    const float32 one_per_var_second_5 = PMSM_RECIPROCAL(var_second_5);
     const float32 change_second_54 = g_second_5 * f_second_4 * one_per_var_second_5;
     const float32 L_new_54 = L_first_54 - change_second_54;
     const float32 D_new_psi_beta = D_first_5 * R_1 * one_per_var_second_5;

@@ -407,7 +407,7 @@ static void time_update(const float32 x[4], const float32 LD[10], const float32 
     const float32 P_pred_00 = P_turned_00 - P_turn + Q_0;
     const float32 D_pred_psi_alpha = larger(P_pred_00, Q_0);
     const float32 P_pred_10 = cos_theta_mid * P_tilt - P_turned_10;
-    const float32 inv_D_pred_psi_alpha = 1.0f / D_pred_psi_alpha;
+    const float32 inv_D_pred_psi_alpha = PMSM_RECIPROCAL(D_pred_psi_alpha);
     const float32 L_pred_10 = P_pred_10 * inv_D_pred_psi_alpha;
     const float32 Q_1 = Q[1];
     const float32 P_pred_11 = P_turned_11 + P_turn + Q_1;
@@ -422,7 +422,7 @@ static void time_update(const float32 x[4], const float32 LD[10], const float32 
     const float32 L_pred_20 = inv_D_pred_psi_alpha * P_pred_20;
     const float32 P_pred_21 = sin_theta_mid * P_turned_20 + cos_theta_mid * P_turned_21;
     const float32 LD_pred_21 = P_pred_21 - L_pred_10 * P_pred_20;
-    const float32 inv_D_pred_psi_beta = 1.0f / D_pred_psi_beta;
+    const float32 inv_D_pred_psi_beta = PMSM_RECIPROCAL(D_pred_psi_beta);
     const float32 L_pred_21 = LD_pred_21 * inv_D_pred_psi_beta;
     const float32 Q_2 = Q[2];
     const float32 P_pred_22 = L_20 * D_odd_omega_0 + L_21 * D_odd_omega_1 + D_omega + Q_2;
@@ -541,7 +541,7 @@ static void ickf_iterate(const float32 x_j[4], const float32 x_pred[4], const fl
     const float32 Pyy_10 = D_HL_00 * HL_10 + D_HL_01 * HL_11 + D_HL_02 * HL_12 + D_HL_03 * slope_y_i_beta_3;
 
     /* --- eq. 28: Pyy^-1 innovation */
-    const float32 one_per_Pyy_00 = 1.0f / Pyy_00;
+    const float32 one_per_Pyy_00 = PMSM_RECIPROCAL(Pyy_00);
     const float32 Pyy_10_per_Pyy_00 = one_per_Pyy_00 * Pyy_10;
     const float32 D_HL_10 = D_pred_psi_alpha * HL_10;
     const float32 D_HL_11 = D_pred_psi_beta * HL_11;
@@ -622,7 +622,7 @@ static void ickf_finish(const float32 x_j[4], const float32 LD_pred[10], const f
     const float32 change_first_32 = HL_03 * HL_02 * D_pred_theta_per_var_first_3;
     const float32 HL_12 = HL[6];
     const float32 f_second_2 = HL_12 - HL_13 * change_first_32;
-    const float32 one_per_var_first_2 = 1.0f / var_first_2;
+    const float32 one_per_var_first_2 = PMSM_RECIPROCAL(var_first_2);
     const float32 D_first_2 = var_first_3 * (D_pred_omega * one_per_var_first_2);
     const float32 g_second_2 = f_second_2 * D_first_2;
     const float32 var_second_2 = var_second_3 + f_second_2 * g_second_2;
@@ -630,7 +630,7 @@ static void ickf_finish(const float32 x_j[4], const float32 LD_pred[10], const f
     const float32 gain_first_y2 = g_first_3 * HL_13 + g_first_2 * HL_12;
     const float32 HL_11 = HL[5];
     const float32 f_second_1 = HL_11 - lambda_first_1 * gain_first_y2;
-    const float32 one_per_var_first_1 = 1.0f / var_first_1;
+    const float32 one_per_var_first_1 = PMSM_RECIPROCAL(var_first_1);
     const float32 D_first_1 = var_first_2 * (D_pred_psi_beta * one_per_var_first_1);
     const float32 g_second_1 = f_second_1 * D_first_1;
     const float32 var_second_1 = var_second_2 + f_second_1 * g_second_1;
@@ -642,7 +642,7 @@ static void ickf_finish(const float32 x_j[4], const float32 LD_pred[10], const f
 
     /* --- eq. 32: L D L^T = P_new */
     const float32 D_new_psi_alpha = D_first_0 * var_second_1 / var_second;
-    const float32 one_per_var_second_1 = 1.0f / var_second_1;
+    const float32 one_per_var_second_1 = PMSM_RECIPROCAL(var_second_1);
     const float32 lambda_second_0 = f_second_0 * one_per_var_second_1;
     const float32 L_pred_10 = LD_pred[1];
     const float32 L_new_10 = L_pred_10 - g_first_1 * lambda_first_0 - g_second_1 * lambda_second_0;
@@ -652,7 +652,7 @@ static void ickf_finish(const float32 x_j[4], const float32 LD_pred[10], const f
     const float32 L_pred_20 = LD_pred[3];
     const float32 L_new_20 = L_pred_20 - lambda_first_0 * (g_first_2 + g_first_1 * L_pred_21) -
         lambda_second_0 * (g_second_2 + g_second_1 * L_first_21);
-    const float32 one_per_var_second_2 = 1.0f / var_second_2;
+    const float32 one_per_var_second_2 = PMSM_RECIPROCAL(var_second_2);
     const float32 lambda_second_1 = f_second_1 * one_per_var_second_2;
     const float32 L_new_21 = L_first_21 - g_second_2 * lambda_second_1;
     const float32 D_new_omega = var_second_3 * D_first_2 * one_per_var_second_2;
@@ -666,7 +666,7 @@ static void ickf_finish(const float32 x_j[4], const float32 LD_pred[10], const f
     const float32 L_new_30 = L_pred_30 - lambda_first_0 * (gain_first_32 + g_first_1 * L_pred_31) -
         lambda_second_0 * (gain_second_32 + g_second_1 * L_first_31);
     const float32 L_new_31 = L_first_31 - lambda_second_1 * gain_second_32;
-    const float32 one_per_var_second_3 = 1.0f / var_second_3;
+    const float32 one_per_var_second_3 = PMSM_RECIPROCAL(var_second_3);
     const float32 L_new_32 = L_first_32 - g_second_3 * f_second_2 * one_per_var_second_3;
     const float32 D_new_theta = D_first_3 * R_1 * one_per_var_second_3;
     const float32 psi_alpha_j = x_j[0];

@@ -489,7 +489,7 @@ static void time_update(const float32 x[7], const float32 LD[28], const float32 
     const float32 P_pred_00 = P_turned_00 - P_turn + Q_0;
     const float32 D_pred_i_alpha = larger(P_pred_00, Q_0);
     const float32 P_pred_10 = cos_theta_mid * P_tilt - P_turned_10;
-    const float32 inv_D_pred_i_alpha = 1.0f / D_pred_i_alpha;
+    const float32 inv_D_pred_i_alpha = PMSM_RECIPROCAL(D_pred_i_alpha);
     const float32 L_pred_10 = P_pred_10 * inv_D_pred_i_alpha;
     const float32 Q_1 = Q[1];
     const float32 P_pred_11 = P_turned_11 + P_turn + Q_1;
@@ -525,7 +525,7 @@ static void time_update(const float32 x[7], const float32 LD[28], const float32 
     const float32 L_pred_20 = inv_D_pred_i_alpha * P_pred_20;
     const float32 P_pred_21 = sin_theta_mid * P_turned_20 + cos_theta_mid * P_turned_21;
     const float32 LD_pred_21 = P_pred_21 - L_pred_10 * P_pred_20;
-    const float32 inv_D_pred_i_beta = 1.0f / D_pred_i_beta;
+    const float32 inv_D_pred_i_beta = PMSM_RECIPROCAL(D_pred_i_beta);
     const float32 L_pred_21 = LD_pred_21 * inv_D_pred_i_beta;
     const float32 part_of_P_pred_22 = odd_omega_next_0 * D_odd_omega_0 + odd_omega_next_1 * D_odd_omega_1 +
         odd_omega_next_2 * D_odd_omega_2 + odd_omega_next_3 * D_odd_omega_3 + odd_omega_next_4 * D_odd_omega_4
@@ -550,7 +550,7 @@ static void time_update(const float32 x[7], const float32 LD[28], const float32 
         odd_theta_mid_2 * D_odd_omega_2 + D_odd_omega_3;
     const float32 P_pred_32 = HALF_T_POLE_PAIRS * part_of_P_pred_22 + part_of_P_pred_32;
     const float32 LD_pred_32 = P_pred_32 - L_pred_20 * P_pred_30 - L_pred_21 * LD_pred_31;
-    const float32 inv_D_pred_omega = 1.0f / D_pred_omega;
+    const float32 inv_D_pred_omega = PMSM_RECIPROCAL(D_pred_omega);
     const float32 L_pred_32 = LD_pred_32 * inv_D_pred_omega;
     const float32 Q_3 = Q[3];
     const float32 P_pred_33 = HALF_T_POLE_PAIRS * (P_pred_32 + part_of_P_pred_32) +
@@ -581,7 +581,7 @@ static void time_update(const float32 x[7], const float32 LD[28], const float32 
         odd_theta_mid_1 * D_odd_load_torque_1 + odd_theta_mid_2 * D_odd_load_torque_2 + D_odd_load_torque_3;
     const float32 LD_pred_43 = P_pred_43 - L_pred_30 * P_pred_40 - L_pred_31 * LD_pred_41 -
         L_pred_32 * LD_pred_42;
-    const float32 inv_D_pred_theta = 1.0f / D_pred_theta;
+    const float32 inv_D_pred_theta = PMSM_RECIPROCAL(D_pred_theta);
     const float32 L_pred_43 = LD_pred_43 * inv_D_pred_theta;
     const float32 Q_4 = Q[4];
     const float32 P_pred_44 = L_40 * D_odd_load_torque_0 + L_41 * D_odd_load_torque_1 +
@@ -621,7 +621,7 @@ static void time_update(const float32 x[7], const float32 LD[28], const float32 
         L_42 * D_odd_magnet_flux_2 + L_43 * D_odd_magnet_flux_3 + D_odd_magnet_flux_4;
     const float32 LD_pred_54 = P_pred_54 - L_pred_40 * P_pred_50 - L_pred_41 * LD_pred_51 -
         L_pred_42 * LD_pred_52 - L_pred_43 * LD_pred_53;
-    const float32 inv_D_pred_load_torque = 1.0f / D_pred_load_torque;
+    const float32 inv_D_pred_load_torque = PMSM_RECIPROCAL(D_pred_load_torque);
     const float32 L_pred_54 = LD_pred_54 * inv_D_pred_load_torque;
     const float32 Q_5 = Q[5];
     const float32 P_pred_55 = odd_magnet_flux_next_0 * D_odd_magnet_flux_0 +
@@ -761,7 +761,7 @@ static void ckf_measurement_update(const float32 x_pred[7], const float32 LD_pre
     const float32 R_0 = R[0];
     const float32 D_pred_i_alpha = LD_pred[0];
     const float32 var_first = R_0 + D_pred_i_alpha;
-    const float32 one_per_var_first = 1.0f / var_first;
+    const float32 one_per_var_first = PMSM_RECIPROCAL(var_first);
     const float32 D_pred_i_alpha_per_var_first = D_pred_i_alpha * one_per_var_first;
     const float32 correction_first_0 = innovation_i_alpha * D_pred_i_alpha_per_var_first;
     const float32 i_beta_meas = y[1];
@@ -774,7 +774,7 @@ static void ckf_measurement_update(const float32 x_pred[7], const float32 LD_pre
     const float32 D_first_0 = R_0 * D_pred_i_alpha_per_var_first;
     const float32 g_second_0 = D_first_0 * L_pred_10;
     const float32 var_second = var_second_1 + L_pred_10 * g_second_0;
-    const float32 one_per_var_second = 1.0f / var_second;
+    const float32 one_per_var_second = PMSM_RECIPROCAL(var_second);
     const float32 nu_by_var_second = innovation_after_first * one_per_var_second;
     const float32 correction_second_0 = correction_first_0 + g_second_0 * nu_by_var_second;
     const float32 i_alpha_new = correction_second_0 + i_alpha_pred;

@@ -528,7 +528,7 @@ static void time_update(const float32 x[5], const float32 LD[15], const float32 
     const float32 P_pred_33 = HALF_T_POLE_PAIRS * (P_pred_32 + part_of_P_pred_32_4 +
         D_omega * HALF_T_POLE_PAIRS) + D_theta * odd_theta_mid_0 * odd_theta_mid_0 + Q_3;
     const float32 D_pred_theta = larger(P_pred_33, Q_3);
-    const float32 inv_D_pred_theta = 1.0f / D_pred_theta;
+    const float32 inv_D_pred_theta = PMSM_RECIPROCAL(D_pred_theta);
     const float32 L_pred_10 = P_pred_32 * inv_D_pred_theta;
     const float32 Q_2 = Q[2];
     const float32 P_pred_22 = part_of_P_pred_32_3 + Q_2;
@@ -567,7 +567,7 @@ static void time_update(const float32 x[5], const float32 LD[15], const float32 
     const float32 L_pred_20 = inv_D_pred_theta * P_pred_30;
     const float32 P_pred_20 = cos_theta_mid * P_turned_20 - sin_theta_mid * P_turned_21;
     const float32 LD_pred_21 = P_pred_20 - L_pred_10 * P_pred_30;
-    const float32 inv_D_pred_omega = 1.0f / D_pred_omega;
+    const float32 inv_D_pred_omega = PMSM_RECIPROCAL(D_pred_omega);
     const float32 L_pred_21 = LD_pred_21 * inv_D_pred_omega;
     const float32 P_turned_00 = odd_psi_alpha_next_0 * D_odd_psi_alpha_0 +
         odd_psi_alpha_next_1 * D_odd_psi_alpha_1 + odd_psi_d_next_2 * odd_psi_d_next_2 * D_psi_alpha +
@@ -605,7 +605,7 @@ static void time_update(const float32 x[5], const float32 LD[15], const float32 
     const float32 L_pred_31 = inv_D_pred_omega * LD_pred_31;
     const float32 P_pred_10 = cos_theta_mid * P_tilt - P_turned_10;
     const float32 LD_pred_32 = P_pred_10 - L_pred_20 * P_pred_31 - L_pred_21 * LD_pred_31;
-    const float32 inv_D_pred_psi_alpha = 1.0f / D_pred_psi_alpha;
+    const float32 inv_D_pred_psi_alpha = PMSM_RECIPROCAL(D_pred_psi_alpha);
     const float32 L_pred_32 = LD_pred_32 * inv_D_pred_psi_alpha;
     const float32 Q_1 = Q[1];
     const float32 P_pred_11 = P_turned_11 + P_turn + Q_1;
@@ -780,7 +780,7 @@ static void ckf_measurement_update(const float32 x_pred[5], const float32 LD_pre
     const float32 var_first_1 = var_first_2 + HL_01 * g_first_1;
     const float32 g_first_0 = D_pred_theta * odd_y_i_alpha_0;
     const float32 var_first = var_first_1 + odd_y_i_alpha_0 * g_first_0;
-    const float32 one_per_var_first = 1.0f / var_first;
+    const float32 one_per_var_first = PMSM_RECIPROCAL(var_first);
     const float32 nu_by_var_first = innovation_i_alpha * one_per_var_first;
     const float32 HL_13_apart = odd_y_i_beta_3 - HL_03 * noise_10_per_noise_00;
     const float32 HL_12_apart = odd_y_i_beta_2 - HL_02 * noise_10_per_noise_00;
@@ -800,13 +800,13 @@ static void ckf_measurement_update(const float32 x_pred[5], const float32 LD_pre
     const float32 change_first_32 =
         sin_theta_pred * (odd_psi_d_pred_2 * INV_L_Q_PLUS_SALIENCY_SQ) * D_pred_psi_beta_per_var_first_3;
     const float32 f_second_2 = HL_12_apart - HL_13_apart * change_first_32;
-    const float32 one_per_var_first_2 = 1.0f / var_first_2;
+    const float32 one_per_var_first_2 = PMSM_RECIPROCAL(var_first_2);
     const float32 D_first_2 = var_first_3 * (D_pred_psi_alpha * one_per_var_first_2);
     const float32 g_second_2 = D_first_2 * f_second_2;
     const float32 var_second_2 = var_second_3 + f_second_2 * g_second_2;
     const float32 lambda_first_1 = HL_01 * one_per_var_first_2;
     const float32 f_second_1 = HL_11_apart - lambda_first_1 * gain_first_y2;
-    const float32 one_per_var_first_1 = 1.0f / var_first_1;
+    const float32 one_per_var_first_1 = PMSM_RECIPROCAL(var_first_1);
     const float32 D_first_1 = var_first_2 * (D_pred_omega * one_per_var_first_1);
     const float32 g_second_1 = D_first_1 * f_second_1;
     const float32 var_second_1 = var_second_2 + f_second_1 * g_second_1;
@@ -819,7 +819,7 @@ static void ckf_measurement_update(const float32 x_pred[5], const float32 LD_pre
     const float32 L_first_21 = L_pred_21 - g_first_2 * lambda_first_1;
     const float32 gain_second_21 = g_second_2 + L_first_21 * g_second_1;
     const float32 L_first_20 = L_pred_20 - gain_first_21 * lambda_first_0;
-    const float32 one_per_var_second = 1.0f / var_second;
+    const float32 one_per_var_second = PMSM_RECIPROCAL(var_second);
     const float32 nu_by_var_second = innovation_after_first * one_per_var_second;
     const float32 psi_alpha_new = (gain_first_21 + L_pred_20 * g_first_0) * nu_by_var_first +
         (gain_second_21 + L_first_20 * g_second_0) * nu_by_var_second + psi_alpha_pred;
@@ -855,18 +855,18 @@ static void ckf_measurement_update(const float32 x_pred[5], const float32 LD_pre
 
     /* --- eq. 26: L D L^T = P_new */
     const float32 D_new_theta = D_first_0 * var_second_1 * one_per_var_second;
-    const float32 one_per_var_second_1 = 1.0f / var_second_1;
+    const float32 one_per_var_second_1 = PMSM_RECIPROCAL(var_second_1);
     const float32 lambda_second_0 = f_second_0 * one_per_var_second_1;
     const float32 L_new_10 = L_first_10 - g_second_1 * lambda_second_0;
     const float32 D_new_omega = D_first_1 * var_second_2 * one_per_var_second_1;
     const float32 L_new_20 = L_first_20 - gain_second_21 * lambda_second_0;
-    const float32 one_per_var_second_2 = 1.0f / var_second_2;
+    const float32 one_per_var_second_2 = PMSM_RECIPROCAL(var_second_2);
     const float32 lambda_second_1 = f_second_1 * one_per_var_second_2;
     const float32 L_new_21 = L_first_21 - g_second_2 * lambda_second_1;
     const float32 D_new_psi_alpha = D_first_2 * var_second_3 * one_per_var_second_2;
     const float32 L_new_30 = L_first_30 - gain_second_31 * lambda_second_0;
     const float32 L_new_31 = L_first_31 - gain_second_32 * lambda_second_1;
-    const float32 one_per_var_second_3 = 1.0f / var_second_3;
+    const float32 one_per_var_second_3 = PMSM_RECIPROCAL(var_second_3);
     const float32 change_second_32 = g_second_3 * f_second_2 * one_per_var_second_3;
     const float32 L_new_32 = L_first_32 - change_second_32;
     const float32 D_new_psi_beta = D_first_3 * R_second * one_per_var_second_3;

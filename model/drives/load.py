@@ -35,6 +35,7 @@ from model.schema import (
     Motor,
     OperatingBox,
     Rated,
+    TargetChoice,
     Tolerance,
     Unit,
 )
@@ -278,6 +279,7 @@ _SECTIONS: dict[str, type[BaseModel]] = {
     "budget": Budget,
     "rated": Rated,
     "tolerance": Tolerance,
+    "target": TargetChoice,
 }
 
 

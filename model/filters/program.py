@@ -100,7 +100,7 @@ class Wrap:
 class Repeat:
     """At most ``max_iterations`` times; stops once ``change`` (a squared norm) is within tolerance^2, eq. 33.
 
-    Reports NOT_CONVERGED where the last pass still moved.
+    In constant time it does not stop before. Reports NOT_CONVERGED where the last pass still moved.
     """
 
     body: tuple[Call, ...]
@@ -148,7 +148,8 @@ class FilterStep:
 
     ``iteration_proof`` is the statement of the proof that iterating is idle, or None where the loop stays.
     ``covariance`` names the array that carries P: ``"P"`` its packed lower triangle, ``"LD"`` the factors of
-    P = L D L^T in the same places, D on the diagonal.
+    P = L D L^T in the same places, D on the diagonal. ``constant_time``: C takes the same path in every step that has
+    nothing to report; an iteration then makes all its passes.
     """
 
     kind: str
@@ -157,6 +158,7 @@ class FilterStep:
     body: tuple[Node, ...]
     iteration_proof: str | None = None
     covariance: str = "P"
+    constant_time: bool = False
 
     @property
     def nodes(self) -> list[Node]:

@@ -34,13 +34,20 @@ def generate(
         str | None,
         typer.Option(metavar="NAME", help=f"Processor, in the place of the drive file's: {', '.join(target_names())}."),
     ] = None,
+    constant_time: Annotated[
+        bool,
+        typer.Option(
+            "--constant-time",
+            help="A filter's step takes the same path whatever its numbers, as [target] constant_time = true.",
+        ),
+    ] = False,
 ) -> None:
     """Generate C for the drive's target, host C and Python from drive files."""
     if out is not None and not check:
         output_folder(out, "--out")
     caution(drives)
     with working() as progress:
-        written = generate_drives(drives or [], out, check, force, form, progress, target)
+        written = generate_drives(drives or [], out, check, force, form, progress, target, constant_time)
     if check:
         for item in written:
             if item.diff:

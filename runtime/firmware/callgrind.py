@@ -17,6 +17,7 @@ from runtime.firmware.emulator import PATIENCE
 from runtime.firmware.tools import MissingTool
 from runtime.system.errors import UserError
 
+_TOTALS = re.compile(r"^totals: (\d+)", re.MULTILINE)
 _COLLECTED = re.compile(r"Collected\s*:\s*(\d+)")
 
 
@@ -37,14 +38,40 @@ def count_instructions(program: Path, function: str, *arguments: str) -> int:
     UserError
         No valgrind, the program fails, or the function is never entered.
     """
+    with tempfile.TemporaryDirectory() as scratch:
+        return _counted([f"--callgrind-out-file={scratch}/out"], program, function, arguments)
+
+
+def instructions_of_each(program: Path, function: str, *arguments: str) -> list[int]:
+    """The same of every single call, in order.
+
+    Parameters
+    ----------
+    program : Path
+    function : str
+    arguments : str
+        As :func:`count_instructions` takes them.
+
+    Raises
+    ------
+    UserError
+        No valgrind, the program fails, or the function is never entered.
+    """
+    with tempfile.TemporaryDirectory() as scratch:
+        options = [f"--callgrind-out-file={scratch}/out", f"--dump-after={function}"]
+        total = _counted(options, program, function, arguments)
+        parts = sorted(Path(scratch).glob("out.*"), key=lambda path: int(path.suffix[1:]))
+        counts = [int(_TOTALS.findall(path.read_text(encoding="utf-8"))[-1]) for path in parts]
+    assert sum(counts) == total, "a call without a count of its own"
+    return counts
+
+
+def _counted(options: Sequence[str], program: Path, function: str, arguments: Sequence[str]) -> int:
     valgrind = shutil.which("valgrind")
     if valgrind is None:
         raise MissingTool("valgrind", "valgrind")
-    with tempfile.TemporaryDirectory() as scratch:
-        command = [valgrind, "--tool=callgrind", f"--callgrind-out-file={scratch}/out", f"--toggle-collect={function}"]
-        done = subprocess.run(
-            [*command, str(program), *arguments], capture_output=True, text=True, timeout=PATIENCE, check=False
-        )
+    command = [valgrind, "--tool=callgrind", f"--toggle-collect={function}", *options, str(program), *arguments]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=PATIENCE, check=False)
     found = _COLLECTED.search(done.stderr)
     if done.returncode != 0 or found is None:
         raise UserError(f"callgrind on '{program.name}' failed: {done.stderr.strip()[-200:]!r}")

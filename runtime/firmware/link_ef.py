@@ -26,6 +26,7 @@ from runtime.firmware.recording import Recording, controller_recording, filter_r
 from runtime.firmware.static.check import Check
 from runtime.firmware.subject import Part, Subject, subjects
 from runtime.firmware.tools import missing_packages
+from runtime.folders.stated import stated_drive
 from runtime.system.errors import UserError
 
 Array = NDArray[Any]
@@ -128,10 +129,33 @@ def link_ef(
         expected = list(pool.map(on_host, every))
         jobs = [(p, subject, words) for p in ready for subject, words in zip(every, expected, strict=True)]
         results = list(pool.map(away, jobs))
-    for (_, _, words), result in zip(jobs, results, strict=True):
+    constant = stated_drive(folder).constant_time
+    for (processor, subject, words), result in zip(jobs, results, strict=True):
         rows.append(result.check(int(np.sum(words == NAN))) if isinstance(result, Comparison) else result)
+        if constant and isinstance(result, Comparison) and subject.part == "" and not processor.resolution:
+            rows.append(same_path(result, words[:, 0]))
     comparisons = [result for result in results if isinstance(result, Comparison)]
     return [*rows, *(_counter(p, [c for c in comparisons if c.processor is p], folder.drive) for p in ready)]
+
+
+def same_path(comparison: Comparison, status: Array) -> Check:
+    """Whether every step whose status is 0 took as long as every other, counted by the processor.
+
+    Parameters
+    ----------
+    comparison : Comparison
+        Of a filter in constant time.
+    status : array of uint32, (steps,)
+        What the steps returned.
+    """
+    good = comparison.outcome.cost[status == 0]
+    counted = np.unique(good)
+    figure = f"{len(good)} steps of status 0"
+    if len(counted):
+        figure += f", {' to '.join(f'{cost:,.0f}' for cost in dict.fromkeys((counted[0], counted[-1])))}"
+        figure += f" {comparison.processor.unit} each"
+    name = f"constant time, {comparison.processor.name}"
+    return Check(name, comparison.subject.name, "passed" if len(counted) == 1 else "failed", figure, HOW)
 
 
 def compare(

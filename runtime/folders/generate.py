@@ -51,6 +51,7 @@ def generate_drives(
     form: str = "fast",
     progress: Progress = lambda text: None,
     target: str | None = None,
+    constant_time: bool = False,
 ) -> list[Written]:
     """Generate every drive in memory first, then write: a bad one leaves all folders as they were.
 
@@ -72,16 +73,17 @@ def generate_drives(
         Told how far the work is.
     target : str, optional
         The processor to generate for, in the place of the drive files'.
+    constant_time : bool, optional
+        In constant time, also where a drive file does not ask for it.
     """
-    if target is not None and out is None:
-        raise UserError("--target differs from what the drive file says: say where it goes with --out DIR.")
     read_word(form, "form", FORMS)
-    if form != "fast" and out is None:
-        raise UserError("the literal form is for reading: say where it goes with --out DIR, beside the shipped one.")
+    if out is None:
+        _refuse_to_replace(form, {"--target": target is not None, "--constant-time": constant_time})
     chosen = [find_drive(word) for word in drives or shipped_drives()]
     if target is not None:
         find_target(target)
-        chosen = [replace(named, drive=for_target(named.drive, target)) for named in chosen]
+    if target is not None or constant_time:
+        chosen = [replace(named, drive=for_target(named.drive, target, constant_time)) for named in chosen]
     names = [named.drive.name for named in chosen]
     for name in names:
         if names.count(name) > 1:
@@ -101,16 +103,28 @@ def generate_drives(
     return results
 
 
-def for_target(drive: Drive, target: str) -> Drive:
-    """The same drive for another processor.
+def _refuse_to_replace(form: str, options: Mapping[str, bool]) -> None:
+    """What is not what the drive file says goes where the user says."""
+    for option, given in options.items():
+        if given:
+            raise UserError(f"{option} differs from what the drive file says: say where it goes with --out DIR.")
+    if form != "fast":
+        raise UserError("the literal form is for reading: say where it goes with --out DIR, beside the shipped one.")
+
+
+def for_target(drive: Drive, target: str | None, constant_time: bool = False) -> Drive:
+    """The same drive for another processor, or in constant time.
 
     Parameters
     ----------
     drive : Drive
-    target : str
-        Its name.
+    target : str or None
+        Its name; None: the drive's own.
+    constant_time : bool, optional
+        Asked for; a drive that asks for it itself keeps it.
     """
-    return drive.model_copy(update={"target": TargetChoice(name=target)})
+    choice = TargetChoice(name=target or drive.target_name, constant_time=constant_time or drive.constant_time)
+    return drive.model_copy(update={"target": choice})
 
 
 @dataclass(frozen=True)

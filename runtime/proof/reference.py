@@ -47,6 +47,7 @@ class Reference:
     doubt: tuple[float, float] | None = None  # V: deviation of a V_d that is no state, and where no sign is sure
     moved: list[tuple[Any, float]] = field(default_factory=list)  # the motor with a datum moved, and its deviation
     bounds: list[tuple[int, float, float]] = field(default_factory=list)  # of slow states, by place
+    early: bool = True  # iterating ends once (33) holds
     stages: Stages = field(default_factory=dict)
 
     def step(self, u: Array, y: Array) -> Stages:
@@ -184,18 +185,18 @@ class Reference:
         S = self._root(P_pred)
         x_j = x_pred
         iterates: list[Stages] = []
-        converged = np.zeros(x_pred.shape[:-1], dtype=bool)
+        done = np.zeros(x_pred.shape[:-1], dtype=bool)
         count = np.zeros(x_pred.shape[:-1], dtype=int)
         while True:
             here = self._iterate(S, x_pred, P_pred, x_j, y)
             for name, value in here.items() if iterates else ():  # a filter that has converged stays where it was
-                stays = converged.reshape(converged.shape + (1,) * (value.ndim - converged.ndim))
+                stays = done.reshape(done.shape + (1,) * (value.ndim - done.ndim))
                 here[name] = np.where(stays, iterates[-1][name], value)
             iterates.append(here)
-            count += ~converged
-            converged = converged | (np.linalg.norm(here["x_next"] - x_j, axis=-1) <= self.eps)  # (33)
-            x_j = here["x_next"]
-            if converged.all() or len(iterates) >= self.N_max:
+            count += ~done
+            converged = done | (np.linalg.norm(here["x_next"] - x_j, axis=-1) <= self.eps)  # (33)
+            x_j, done = here["x_next"], converged & self.early
+            if done.all() or len(iterates) >= self.N_max:
                 break
         self.stages |= {"iterates": iterates, "iterations": count, "converged": converged}
         return x_j.copy(), P_pred - here["K"] @ here["Pyy"] @ transposed(here["K"])  # (34), (32)
@@ -380,9 +381,8 @@ def make_reference(
     tuning = parameters["filter"]
     own = getattr(motor, "moved", None)  # a machine file's motors are made elsewhere
     moved = own if own is not None else moved_motors(parameters)
-    motor = motor or make_motor(parameters)
     return Reference(
-        motor=motor,
+        motor=motor or make_motor(parameters),
         kind=kind,
         gain=gain,
         Q=np.array(tuning["process_noise"], dtype=float),
@@ -396,4 +396,5 @@ def make_reference(
         moved=moved,
         bounds=bounds(parameters),
         doubt=doubt(parameters),
+        early=not (parameters.get("target") or {}).get("constant_time", False),
     )

@@ -227,6 +227,8 @@ def test_every_subject_on_every_processor_and_one_that_does_not_end(monkeypatch:
     here: Any = SimpleNamespace(**{**vars(one.processor), "programs": (), "run": run})
     absent: Any = SimpleNamespace(name="none", programs=("absent",))
     folder: Any = SimpleNamespace(drive="d")
+    asked = {"constant": False}
+    monkeypatch.setattr(link_ef, "stated_drive", lambda folder: SimpleNamespace(constant_time=asked["constant"]))
     rows = link_ef.link_ef(folder, processors=(absent, here))
     states = [(row.name, row.subject, row.state) for row in rows]
     assert states == [
@@ -239,6 +241,31 @@ def test_every_subject_on_every_processor_and_one_that_does_not_end(monkeypatch:
     assert rows[2].detail == ("it hangs",)
     assert "apt-get install a-package" in rows[0].detail[0]
     assert [row.state for row in link_ef.link_ef(folder, processors=(absent,))] == ["not run"]
+    asked["constant"] = True  # the one that ended is judged; its only step reported something
+    judged = [row for row in link_ef.link_ef(folder, processors=(here,)) if row.name.startswith("constant time")]
+    assert [(row.subject, row.state, row.figure) for row in judged] == [("a", "failed", "0 steps of status 0")]
+    several[0].part = "foc"
+    monkeypatch.setattr(
+        link_ef, "RECORDINGS", dict.fromkeys(("", "foc"), lambda folder, steps: SimpleNamespace(steps=1))
+    )
+    assert not [row for row in link_ef.link_ef(folder, processors=(here,)) if row.name.startswith("constant time")]
+    several[0].part, here.resolution = "", 256.0
+    assert not [row for row in link_ef.link_ef(folder, processors=(here,)) if row.name.startswith("constant time")]
+
+
+@pytest.mark.parametrize(
+    ("status", "state", "figure"),
+    [
+        ((0, 1, 1, 1), "passed", "1 steps of status 0, 100 cycles each"),
+        ((0, 0, 1, 1), "failed", "2 steps of status 0, 100 to 120 cycles each"),
+        ((1, 0, 0, 0), "failed", "3 steps of status 0, 120 to 1,000 cycles each"),
+        ((1, 2, 8, 16), "failed", "0 steps of status 0"),
+    ],
+)
+def test_steps_of_status_0_must_take_as_long_as_each_other(status: tuple[int, ...], state: str, figure: str) -> None:
+    found = link_ef.same_path(_comparison(), np.array(status, np.uint32))
+    assert (found.name, found.subject, found.state) == ("constant time, a chip", "d_ickf", state)
+    assert (found.figure, found.how) == (figure, "measured on a stand-in")
 
 
 def test_lines_of_a_run() -> None:

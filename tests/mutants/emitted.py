@@ -184,7 +184,9 @@ C_OPERATORS: dict[str, Operator] = {
     "plus for minus": _pattern(r"(?<=[\w)]) - (?=[\w(])", lambda m: " + "),
     "minus for plus": _pattern(r"(?<=[\w)]) \+ (?=[\w(])", lambda m: " - "),
     "plus for times": _pattern(r"(?<=[\w)]) \* (?=[\w(])", lambda m: " + "),
-    "times for divided by": _pattern(r"(?<=[\w)]) / (?=[\w(])", lambda m: " * "),
+    "times for divided by": _pattern(
+        r"(?<=[\w)]) / (?=[\w(])|\bPMSM_RECIPROCAL(?=\()", lambda m: " * " if "/" in m[0] else ""
+    ),
     "last bit of a constant": _last_bit,
     "wrong operand": _wrong_operand,
     "wrong index": _index,

@@ -179,7 +179,7 @@ def newton(text: str) -> str:
     while (match := re.search(r"(?<![/*]) / (\w+)(?=[;,) \n])", _without_comments(text))) is not None:
         start = _operand_start(text, match.start())
         text = f"{text[:start]}newton_divide({text[start : match.start()]}, {match.group(1)}){text[match.end() :]}"
-    text = text.replace("PMSM_SQRT(", "newton_sqrt(")
+    text = text.replace("PMSM_RECIPROCAL(", "newton_divide(1.0f, ").replace("PMSM_SQRT(", "newton_sqrt(")
     at = text.index("#define N_STATES")
     return text[:at] + NEWTON + text[at:]
 

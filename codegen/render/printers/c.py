@@ -6,7 +6,7 @@ import numpy as np
 
 from codegen.ir.layout import SMALL_ANGLE, Listing, Statement
 from codegen.ir.small_angle import coefficients
-from codegen.render.printers.expression import unbroken, wrap_line
+from codegen.render.printers.expression import horner, unbroken, wrap_line
 from codegen.render.printers.flow import FlowPrinter
 from codegen.targets.numbers import NumberFormat
 from model.filters import FilterStep
@@ -42,9 +42,13 @@ class CPrinter(FlowPrinter):
 
     #: What tells a function which filter is meant.
     FILTER = "f"
+    #: In constant time choices are made by places in memory.
+    BY_PLACE = True
 
-    def __init__(self, numbers: NumberFormat) -> None:
+    def __init__(self, numbers: NumberFormat, constant_time: bool = False) -> None:
         self.numbers = numbers
+        #: No branch and no choice of a compiler's where a step has nothing to report; one polynomial for every turn.
+        self.constant_time = constant_time
         #: Type of a sine and cosine; the port header declares the firmware's, once for all files (MISRA 5.6).
         self.pair = f"pmsm_pair{numbers.tag}"
         #: Numbers and the status that a function of the step has as its own, by what the step calls them.
@@ -66,6 +70,10 @@ class CPrinter(FlowPrinter):
         """Spell a division by the port header's macro; empty where the operator does."""
         return f"{self.numbers.divide}({left}, {right})" if self.numbers.divide else ""
 
+    def format_reciprocal(self, argument: str) -> str:
+        """Spell 1 / x by the port header's macro; empty where it is a division."""
+        return f"{self.numbers.reciprocal}({argument})" if self.numbers.reciprocal else ""
+
     def format_sqrt(self, argument: str) -> str:
         """Spell a square root."""
         return f"{self.numbers.sqrt}({argument})"
@@ -80,6 +88,8 @@ class CPrinter(FlowPrinter):
 
     def format_select(self, value: str, limit: str, inside: str, outside: str) -> str:
         """Spell one of two values, by a comparison."""
+        if self.constant_time and self.BY_PLACE:
+            return f"chosen(({value} <= {limit}) ? 1 : 0, {inside}, {outside})"
         return f"({value} <= {limit}) ? {inside} : {outside}"
 
     # --- statements
@@ -103,7 +113,8 @@ class CPrinter(FlowPrinter):
 
     def format_turn(self, prefix: str, variable: str) -> str:
         """The polynomial of sinc (``SINC``) or cosm1 (``COSM1``), or a ``WIDE_`` one, its coefficients by name."""
-        s, c = coefficients(self.numbers.precision, wide=prefix.startswith("WIDE_"))  # how many: n does not change it
+        wide = self.constant_time or prefix.startswith("WIDE_")
+        s, c = coefficients(self.numbers.precision, wide=wide)  # how many: n does not change it
         if prefix.endswith("SINC"):
             return f"{horner(f'{prefix}_', len(s), variable)} + {self.format_literal(1.0)}"
         return horner(f"{prefix}_", len(c), variable)
@@ -173,24 +184,25 @@ class CPrinter(FlowPrinter):
     def _turns(self, listing: Listing) -> list[str]:
         """The outputs of a block of small angles: by polynomials, or by what does it where they are not small together.
 
-        Only the way that is taken writes them: a compiler need not store on the usual one what the other might read.
+        Only the way that is taken writes them: a compiler need not store on the usual one what the other might read. In
+        constant time one polynomial does for every angle that is known.
         """
         z, turn = listing.outputs
         (words,) = (port.name for port in listing.block.inputs)
         squares = [self.reference(listing, node) for node in listing.outputs[z]]
-        polynomials = [
-            f"{turn}_out[{k}] = {self.format_turn(node.op.upper(), self.reference(listing, node.args[0]))};"
-            for k, node in enumerate(listing.graph[index] for index in listing.outputs[turn])
-        ]
-        return [
-            wrap_line(f"if ({self.total_turn(listing)} > SMALL_TURN) {{", INDENT, INDENT),
-            f"{INDENT * 2}{self.numbers.real} z[{len(squares)}];",
-            *(f"{INDENT * 2}z[{k}] = {text};" for k, text in enumerate(squares)),
-            f"{INDENT * 2}return widen(&{words}[ANGLE_ROW], z, {turn}_out, {len(squares)});",
-            f"{INDENT}}}",
-            *(wrap_line(line, INDENT, INDENT) for line in polynomials),
-            f"{INDENT}return 0;",
-        ]
+        turned = [listing.graph[index] for index in listing.outputs[turn]]
+        texts = [self.format_turn(node.op.upper(), self.reference(listing, node.args[0])) for node in turned]
+        inline = [wrap_line(f"{turn}_out[{k}] = {text};", INDENT, INDENT) for k, text in enumerate(texts)]
+        beyond = f"if ({self.total_turn(listing)} > {'UNKNOWN_TURN' if self.constant_time else 'SMALL_TURN'}) {{"
+        if self.constant_time:
+            seldom, before, after = [f"return give_up_angle(&{words}[ANGLE_ROW], {turn}_out);"], inline, []
+        else:
+            seldom = [f"{self.numbers.real} z[{len(squares)}];"]
+            seldom += [f"z[{k}] = {text};" for k, text in enumerate(squares)]
+            seldom.append(f"return widen(&{words}[ANGLE_ROW], z, {turn}_out, {len(squares)});")
+            before, after = [], inline
+        seldom = [wrap_line(beyond, INDENT, INDENT), *(INDENT * 2 + line for line in seldom), f"{INDENT}}}"]
+        return [*before, *seldom, *after, f"{INDENT}return 0;"]
 
     def total_turn(self, listing: Listing) -> str:
         """The sum of all z: as none is negative, no turn is wide where it is not."""
@@ -318,6 +330,8 @@ class CPrinter(FlowPrinter):
 
     def _format_wrapped(self, angle: str) -> list[str]:
         """A branch, so that an angle within its turn, as it nearly always is, is not stored again."""
+        if self.constant_time:
+            return [f"{angle} = {self.format_wrap(angle)};"]
         return [f"if (!({angle} * {angle} <= INSIDE)) {{", f"{INDENT}{angle} = {self.format_wrap(angle)};", "}"]
 
     def _format_report(self, node: Report) -> list[str]:
@@ -347,17 +361,21 @@ class CPrinter(FlowPrinter):
         ]
 
     def _format_repeat(self, node: Repeat, depth: int) -> list[str]:
-        pad = INDENT * depth
+        pad, report = INDENT * depth, self.format_bits(("NOT_CONVERGED",))
+        again, end = (
+            "(moving != 0) && (iterations < f->max_iterations)",
+            ["if (moving != 0) {", f"{INDENT}status |= {report};", "}"],
+        )
+        if self.constant_time:
+            again, end = "iterations < f->max_iterations", [f"status |= (moving != 0) ? {report} : 0;"]
         return [
             f"{pad}iterations = 0;",
             f"{pad}do {{",
             *self.format_program(node.body, depth + 1),
             f"{pad}{INDENT}iterations++;",
             f"{pad}{INDENT}moving = ({node.change}[0] <= (f->tolerance * f->tolerance)) ? 0 : 1; /* eq. 33 */",
-            f"{pad}}} while ((moving != 0) && (iterations < f->max_iterations));",
-            f"{pad}if (moving != 0) {{",
-            f"{pad}{INDENT}status |= PMSM_NOT_CONVERGED;",
-            f"{pad}}}",
+            f"{pad}}} while ({again});",
+            *(pad + line for line in end),
         ]
 
     def _format_branch(self, node: If, depth: int) -> list[str]:
@@ -369,14 +387,6 @@ class CPrinter(FlowPrinter):
             *otherwise,
             f"{pad}}}",
         ]
-
-
-def horner(prefix: str, terms: int, variable: str) -> str:
-    """``((A_3 * z + A_2) * z + A_1) * z``: a polynomial without its constant, lowest power named 1."""
-    text = f"{prefix}{terms}"
-    for k in range(terms - 1, 0, -1):
-        text = f"({text} * {variable} + {prefix}{k})"
-    return f"{text} * {variable}"
 
 
 #: Arrays that live in the struct, and the field behind a block's argument.

@@ -38,6 +38,16 @@ class ExpressionPrinter:
         """
         return ""
 
+    def format_reciprocal(self, argument: str) -> str:
+        """Spell 1 / x as a call; empty where it is a division as any other.
+
+        Parameters
+        ----------
+        argument : str
+            Text of an expression.
+        """
+        return ""
+
     def format_sqrt(self, argument: str) -> str:
         """Spell a square root.
 
@@ -110,6 +120,8 @@ class ExpressionPrinter:
             text = self.format_literal(node.value)
             return text, (3 if text.startswith("-") else 4)
         args = [self._format(listing, arg) for arg in node.args]
+        if node.op == "div" and _is_one(listing, node.args[0]) and (call := self.format_reciprocal(args[1][0])):
+            return call, 4
         if node.op == "div" and (call := self.format_division(args[0][0], args[1][0])):
             return call, 4
         if node.op in _SYMBOL:
@@ -132,6 +144,11 @@ class ExpressionPrinter:
         left = _parenthesised(args[0], precedence)
         right = _parenthesised(args[1], precedence + 1)  # a right operand of equal rank keeps its parentheses
         return f"{left} {_SYMBOL[op]} {right}", precedence
+
+
+def _is_one(listing: Listing, index: int) -> bool:
+    node = listing.graph[index]
+    return node.op == "const" and node.value == 1.0 and index not in listing.names
 
 
 def _parenthesised(operand: tuple[str, int], least: int) -> str:
@@ -174,3 +191,19 @@ def wrap_line(text: str, indent: str, hanging: str) -> str:
         break_on_hyphens=False,
     )
     return "\n".join(lines).replace("\0", " ")
+
+
+def horner(prefix: str, terms: int, variable: str) -> str:
+    """``((A_3 * z + A_2) * z + A_1) * z``: a polynomial without its constant, lowest power named 1.
+
+    Parameters
+    ----------
+    prefix : str
+        Of the coefficients' names.
+    terms : int
+    variable : str
+    """
+    text = f"{prefix}{terms}"
+    for k in range(terms - 1, 0, -1):
+        text = f"({text} * {variable} + {prefix}{k})"
+    return f"{text} * {variable}"

@@ -39,10 +39,10 @@ COPIED = frozenset({"x_j", "integrator", "s", "duty", "v", "injection"})
 class LanesPrinter(CPrinter):
     """Prints the same expressions as :class:`CPrinter`, arrays of ``lanes`` around them."""
 
-    FILTER = "f, lane"
+    FILTER, BY_PLACE = "f, lane", False
 
-    def __init__(self, numbers: NumberFormat, states: int, struct: str = "") -> None:
-        super().__init__(numbers)
+    def __init__(self, numbers: NumberFormat, states: int, struct: str = "", constant_time: bool = False) -> None:
+        super().__init__(numbers, constant_time)
         self.states, self.struct = states, struct
         #: Some wide turns are not for lanes whose measurement is rejected.
         self.skips = False
@@ -75,7 +75,7 @@ class LanesPrinter(CPrinter):
             ]
         turned = bool(listing.spreads)
         if turned:
-            test = f"{self.total_turn(listing)} > SMALL_TURN"
+            test = f"{self.total_turn(listing)} > {'UNKNOWN_TURN' if self.constant_time else 'SMALL_TURN'}"
             body.append(wrap_line(f"wide |= ({test}) ? 1 : 0;", INDENT, INDENT))
         return "\n".join(
             [
@@ -297,11 +297,8 @@ class LanesPrinter(CPrinter):
         words, z, turn = (STRUCT_FIELDS.get(port.name, port.name) for port in (*block.inputs, *block.outputs))
         arguments = [f"&{words}[ANGLE_ROW]", z, turn, str(len(block.outputs[0].entries))]
         arguments += ["NULL" if words.startswith("f->") else "rejected"] if self.skips else []
-        return [
-            f"{pad}if ({_call(block)} != 0) {{",
-            f"{pad}{INDENT}widen_lanes({', '.join(arguments)}, f->status);",
-            f"{pad}}}",
-        ]
+        call = f"{'give_up_angle' if self.constant_time else 'widen'}_lanes({', '.join(arguments)}, f->status);"
+        return [f"{pad}if ({_call(block)} != 0) {{", pad + INDENT + call, f"{pad}}}"]
 
     def _format_node(self, node: Node, depth: int) -> list[str]:
         pad = INDENT * depth

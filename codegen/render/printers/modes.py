@@ -182,6 +182,7 @@ class ModesPython(PythonPrinter):
     NOT = "np.logical_not"
 
     def __init__(self, machine: Supervisor, layout: CovarianceLayout) -> None:
+        super().__init__()
         self.machine, self.places = machine, Places(machine, layout)
         self.covariance = layout.field
         #: Arrays that the function at hand changes, as lists of its own.

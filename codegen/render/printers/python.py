@@ -24,6 +24,10 @@ class PythonPrinter(FlowPrinter):
     loops, covariance = False, "P"
     AND, OR, NOT, BIT, ACCEPTED = "&", "|", "~", "", "accepted"
 
+    def __init__(self, constant_time: bool = False) -> None:
+        #: Every turn by the polynomial of wide ones, and every pass of an iteration: what C does in constant time.
+        self.constant_time = constant_time
+
     def format_literal(self, value: float) -> str:
         """Spell a number so that it reads back to the same bits.
 
@@ -88,7 +92,8 @@ class PythonPrinter(FlowPrinter):
         if statement.pair is None or statement.function is None:
             return _assignment(statement.name, self.expression(listing, statement.node))
         names = ", ".join(name or "_" for name in statement.pair)
-        name = f"turn_{statement.spread:g}" if statement.function is SMALL_ANGLE else statement.function.name
+        turn = f"{'wide_turn' if self.constant_time else 'turn'}_{statement.spread:g}"
+        name = turn if statement.function is SMALL_ANGLE else statement.function.name
         return f"{INDENT}{names} = math.{name}({listing.names[statement.node]})"
 
     def format_body(self, listing: Listing) -> list[str]:
@@ -297,18 +302,18 @@ class PythonPrinter(FlowPrinter):
             return [*note, f"{node.target.name} = ({value},)"]
         return [*note, f"{target} = " + (f"np.where({where}, {value}, {target})[()]" if where else value)]
 
-    @staticmethod
-    def _format_call(node: Call, where: str) -> list[str]:
+    def _format_call(self, node: Call, where: str) -> list[str]:
         block = node.block
         if not isinstance(node, Turns):
             return [f"{INDENT}{_call(block)}"]
         (words,), (z, turn) = ([port.name for port in ports] for ports in (block.inputs, block.outputs))
-        n = node.spread
+        n, function, limits = node.spread, "_widen", "math.wide_turn_{0:g}, SMALL_TURN_{0:g}, UNKNOWN_TURN_{0:g}"
+        if self.constant_time:
+            function, limits = "_give_up_angle", "UNKNOWN_TURN_{0:g}"
         return [
             f"{INDENT}{_call(block)}",
-            f"{INDENT}{words}, {turn}, status = _widen(",
-            f"{INDENT * 2}{words}, {z}, {turn}, {where or 'True'}, status, math, math.wide_turn_{n:g}, "
-            f"SMALL_TURN_{n:g}, UNKNOWN_TURN_{n:g}",
+            f"{INDENT}{words}, {turn}, status = {function}(",
+            f"{INDENT * 2}{words}, {z}, {turn}, {where or 'True'}, status, math, {limits.format(n)}",
             f"{INDENT})",
         ]
 
@@ -328,7 +333,7 @@ class PythonPrinter(FlowPrinter):
         (call,) = node.body
         outputs = [port.name for port in call.block.outputs]
         kept = [name for name in outputs if name != node.change]
-        pad = INDENT * 2
+        pad, ends = INDENT * 2, "" if self.constant_time else "moving & "
         return [
             f"{INDENT}active = np.ones(np.shape(accepted), bool)[()]  # all lanes take the first pass",
             f"{INDENT}moving = active",
@@ -345,7 +350,7 @@ class PythonPrinter(FlowPrinter):
             f'{pad}{INDENT}stages.setdefault("iterates", []).append(iterate)',
             f"{pad}iterations = iterations + np.where(active, 1, 0)[()]",
             f"{pad}moving = np.where(active, ~(new_{node.change}[0] <= f.tolerance * f.tolerance), moving)[()]",
-            f"{pad}active = active & accepted & moving & (iterations < f.max_iterations)",
+            f"{pad}active = active & accepted & {ends}(iterations < f.max_iterations)",
             f"{pad}if not np.any(active):",
             f"{pad}{INDENT}break",
             f"{INDENT}iterations = np.where(accepted, iterations, 0)[()]",

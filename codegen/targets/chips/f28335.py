@@ -80,6 +80,9 @@ ARITHMETIC = Arithmetic(
 #: would be a cycle more. A call is LCR 4 and LRETR 8 (SPRU430). 60 is the interrupt's entry and exit; a 16-bit word of
 #: a struct that is copied takes a cycle (MOV32 loads and stores two words).
 #:
+#: A reciprocal in line is EINVF32 and twice MPYF32, SUBF32, MPYF32, each with its slot (2 cycles, SPRUEO2), a load and
+#: a store: 16 in the place of 25, which have the call in them.
+#:
 #: Are branches and calls in k already? The parts that are published of it are two loads, the operation, its delay slot
 #: and the store: 5 in all, the bound, of which 2.5 remain where results stay in registers. None is a jump, so branches
 #: and calls are counted beside it. If the listings from which 2.5 was taken had jumps in them, or a compiler expands
@@ -90,6 +93,7 @@ PRICES = Prices(
     at_k=("add", "mul", "compare", "select"),
     cycles={"div": 25, "sqrt": 29, "branch": 7, "call": 12, "copied": 1},
     interrupt=60,
+    reciprocal=16,
     on="C28x + FPU32",
     formula="with TI's fastRTS figures for division and root, and 60 for the interrupt",
     k=(

@@ -48,6 +48,7 @@ PRICES = replace(
     F28335.prices,
     clock=200e6,
     cycles={"div": 5, "sqrt": 5, "sine": 4, "branch": 7, "call": 12, "copied": 1},
+    reciprocal=0,
     on="C28x + FPU32 + TMU",
     formula="with the TMU's pipeline cycles and 60 for the interrupt",
     sources=(

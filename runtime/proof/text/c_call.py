@@ -301,6 +301,8 @@ class Call:
                 return self._named(name)
             case c_ast.StructRef():
                 return self._whole(self.value_of_field(node))
+            case c_ast.ArrayRef(name=c_ast.ID() as owner, subscript=c_ast.ID() as index) if self._chooses(index):
+                return self._chosen(self.value(owner), self.value(index))
             case c_ast.ArrayRef():
                 array, place = self.place(node)
                 return self.text.read(array, place)
@@ -312,6 +314,17 @@ class Call:
             case c_ast.FuncCall(name=c_ast.ID(name=name), args=args):
                 return self.text.call(name, [self.argument(a) for a in (args.exprs if args else [])])
         return self._computed(node)
+
+    def _chooses(self, index: Any) -> bool:
+        found = self.scope.get(index.name)
+        return isinstance(found, Array) and not found.is_array and self._is_truth(self.text.read(found, 0))
+
+    def _chosen(self, owner: Value, truth: Value) -> Value:
+        """The second of two cells where a truth holds, else the first."""
+        if not isinstance(owner, Pointer) or not isinstance(truth, Term):
+            return self.terms.unknown("an array by a truth")
+        no, yes = (self.text.read(owner.array, owner.offset + k) for k in (0, 1))
+        return self._merged(truth, yes, no)
 
     def argument(self, node: Any) -> Value:
         """Return an argument of a call: a value, or a pointer to where it lives.

@@ -207,7 +207,8 @@ class _CReader:
 
     def _returned(self, value: Any) -> None:
         if isinstance(value, c_ast.FuncCall) or _is_select(value):
-            self.function.outputs[0, 0] = self.tree(value)
+            tree = self.function.outputs[0, 0] = self.tree(value)
+            self.straight &= tree[0] != "other"  # carried out where the flow is
         elif not (isinstance(value, c_ast.ID) and value.name == "result"):
             self.straight = False
 
@@ -249,6 +250,8 @@ class _CReader:
                 return _negative(self.tree(operand))
             case c_ast.BinaryOp(op="+" | "-" | "*" | "/" as op, left=left, right=right):
                 return _operation(op, self.tree(left), self.tree(right))
+            case c_ast.FuncCall(name=c_ast.ID(name="chosen"), args=c_ast.ExprList(exprs=[truth, one, two])):
+                return self._chosen(truth, one, two)
             case c_ast.FuncCall(name=c_ast.ID(name=name), args=args):
                 return ("call", _CALLS.get(name, name), *map(self.tree, args.exprs if args else ()))
             case c_ast.TernaryOp(cond=c_ast.BinaryOp(op="<=", left=left, right=right), iftrue=one, iffalse=two):
@@ -262,6 +265,17 @@ class _CReader:
             case c_ast.ArrayRef(name=owner, subscript=c_ast.Constant(type="int", value=k)):
                 return ("index", self.tree(owner), int(k))
         return ("other", str(node), object())
+
+    def _chosen(self, truth: Any, one: Any, two: Any) -> Tree:
+        """``chosen((a <= b) ? 1 : 0, c, d)``: which is which is carried out where the flow is."""
+        match truth:
+            case c_ast.TernaryOp(
+                cond=c_ast.BinaryOp(op="<=", left=left, right=right),
+                iftrue=c_ast.Constant(value="1"),
+                iffalse=c_ast.Constant(value="0"),
+            ):
+                return ("select", *map(self.tree, (left, right, one, two)))
+        return ("other", str(truth), object())
 
 
 def _is_select(value: Any) -> bool:
