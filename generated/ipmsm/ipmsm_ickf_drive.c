@@ -3,10 +3,10 @@
  *
  * Cost at most, a whole interrupt, CATCHING: 613 add, 818 mul, 22 div, 7 sqrt, 99 compare, 60 select, 145 branch, 111 call;
  *   estimated 7135 cycles on C28x + FPU32 (k = 2.5; 11110 at k = 5; from published cycles, not measured), 320 words of state.
- * Cost at most, a whole interrupt, RUNNING: 634 add, 843 mul, 25 div, 7 sqrt, 111 compare, 70 select, 149 branch, 121 call;
- *   estimated 7528 cycles on C28x + FPU32 (k = 2.5; 11673 at k = 5; from published cycles, not measured), 320 words of state.
- * Cost at most, a whole interrupt, STARTING: 1141 add, 1528 mul, 32 div, 7 sqrt, 144 compare, 81 select, 229 branch, 160 call;
- *   estimated 12109 cycles on C28x + FPU32 (k = 2.5; 19344 at k = 5; from published cycles, not measured), 320 words of state.
+ * Cost at most, a whole interrupt, RUNNING: 640 add, 845 mul, 25 div, 7 sqrt, 114 compare, 73 select, 149 branch, 124 call;
+ *   estimated 7599 cycles on C28x + FPU32 (k = 2.5; 11779 at k = 5; from published cycles, not measured), 320 words of state.
+ * Cost at most, a whole interrupt, STARTING: 1147 add, 1530 mul, 32 div, 7 sqrt, 147 compare, 84 select, 229 branch, 163 call;
+ *   estimated 12180 cycles on C28x + FPU32 (k = 2.5; 19450 at k = 5; from published cycles, not measured), 320 words of state.
  */
 /* On the C28x these run from RAM, because flash has wait states. The pragma must come before any declaration, and takes
  * a name and a literal: hence here, and no macro. */
@@ -151,8 +151,8 @@ static void inject(const float32 rotor[2], const float32 duty[3], const float32 
     const float32 duty_a = duty[0];
     const float32 duty_b = duty[1];
     const float32 duty_c = duty[2];
-    const float32 room = v_link * larger(smaller(smaller(duty_a, smaller(duty_b, duty_c)), 1.0f -
-        larger(duty_a, larger(duty_b, duty_c))), 0.0f);
+    const float32 room = ONE_BY_SQRT_3 * v_link * larger(1.0f - (larger(duty_a, larger(duty_b, duty_c)) -
+        smaller(duty_a, smaller(duty_b, duty_c))), 0.0f);
     const float32 sign = injection[1];
     const float32 amplitude = injection[0];
     const float32 size = sign * smaller(amplitude * left, room);
@@ -165,12 +165,17 @@ static void inject(const float32 rotor[2], const float32 duty[3], const float32 
     const float32 added_beta = sin_theta * size;
     const float32 half = -0.5f * added_alpha;
     const float32 cross = SQRT_3_BY_2 * added_beta;
+    const float32 waved_a = duty_a + added_alpha / v_link;
+    const float32 waved_b = duty_b + (half + cross) / v_link;
+    const float32 waved_c = duty_c + (half - cross) / v_link;
+    const float32 centre = 0.5f - 0.5f * (smaller(waved_a, smaller(waved_b, waved_c)) + larger(waved_a,
+        larger(waved_b, waved_c)));
     const float32 v_alpha = v[0];
     const float32 v_beta = v[1];
 
-    duty_out[0] = duty_a + added_alpha / v_link;
-    duty_out[1] = duty_b + (half + cross) / v_link;
-    duty_out[2] = duty_c + (half - cross) / v_link;
+    duty_out[0] = waved_a + centre;
+    duty_out[1] = waved_b + centre;
+    duty_out[2] = waved_c + centre;
     v_out[0] = v_alpha + added_alpha;
     v_out[1] = v_beta + added_beta;
     injection_out[0] = amplitude;
