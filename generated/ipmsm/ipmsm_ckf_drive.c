@@ -3,10 +3,10 @@
  *
  * Cost at most, a whole interrupt, CATCHING: 532 add, 738 mul, 26 div, 7 sqrt, 100 compare, 60 select, 139 branch, 111 call;
  *   estimated 6793 cycles on C28x + FPU32 (k = 2.5; 10368 at k = 5; from published cycles, not measured), 320 words of state.
- * Cost at most, a whole interrupt, RUNNING: 550 add, 757 mul, 29 div, 7 sqrt, 112 compare, 70 select, 143 branch, 121 call;
- *   estimated 7164 cycles on C28x + FPU32 (k = 2.5; 10886 at k = 5; from published cycles, not measured), 320 words of state.
- * Cost at most, a whole interrupt, STARTING: 976 add, 1361 mul, 40 div, 7 sqrt, 145 compare, 81 select, 216 branch, 160 call;
- *   estimated 11390 cycles on C28x + FPU32 (k = 2.5; 17798 at k = 5; from published cycles, not measured), 320 words of state.
+ * Cost at most, a whole interrupt, RUNNING: 556 add, 759 mul, 29 div, 7 sqrt, 115 compare, 73 select, 143 branch, 124 call;
+ *   estimated 7234 cycles on C28x + FPU32 (k = 2.5; 10992 at k = 5; from published cycles, not measured), 320 words of state.
+ * Cost at most, a whole interrupt, STARTING: 982 add, 1363 mul, 40 div, 7 sqrt, 148 compare, 84 select, 216 branch, 163 call;
+ *   estimated 11462 cycles on C28x + FPU32 (k = 2.5; 17904 at k = 5; from published cycles, not measured), 320 words of state.
  */
 /* On the C28x these run from RAM, because flash has wait states. The pragma must come before any declaration, and takes
  * a name and a literal: hence here, and no macro. */
@@ -145,8 +145,8 @@ static void inject(const float32 rotor[2], const float32 duty[3], const float32 
     const float32 duty_a = duty[0];
     const float32 duty_b = duty[1];
     const float32 duty_c = duty[2];
-    const float32 room = v_link * larger(smaller(smaller(duty_a, smaller(duty_b, duty_c)), 1.0f -
-        larger(duty_a, larger(duty_b, duty_c))), 0.0f);
+    const float32 room = ONE_BY_SQRT_3 * v_link * larger(1.0f - (larger(duty_a, larger(duty_b, duty_c)) -
+        smaller(duty_a, smaller(duty_b, duty_c))), 0.0f);
     const float32 sign = injection[1];
     const float32 amplitude = injection[0];
     const float32 size = sign * smaller(amplitude * left, room);
@@ -159,12 +159,17 @@ static void inject(const float32 rotor[2], const float32 duty[3], const float32 
     const float32 added_beta = sin_theta * size;
     const float32 half = -0.5f * added_alpha;
     const float32 cross = SQRT_3_BY_2 * added_beta;
+    const float32 waved_a = duty_a + added_alpha / v_link;
+    const float32 waved_b = duty_b + (half + cross) / v_link;
+    const float32 waved_c = duty_c + (half - cross) / v_link;
+    const float32 centre = 0.5f - 0.5f * (smaller(waved_a, smaller(waved_b, waved_c)) + larger(waved_a,
+        larger(waved_b, waved_c)));
     const float32 v_alpha = v[0];
     const float32 v_beta = v[1];
 
-    duty_out[0] = duty_a + added_alpha / v_link;
-    duty_out[1] = duty_b + (half + cross) / v_link;
-    duty_out[2] = duty_c + (half - cross) / v_link;
+    duty_out[0] = waved_a + centre;
+    duty_out[1] = waved_b + centre;
+    duty_out[2] = waved_c + centre;
     v_out[0] = v_alpha + added_alpha;
     v_out[1] = v_beta + added_beta;
     injection_out[0] = amplitude;

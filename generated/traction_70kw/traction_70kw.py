@@ -2077,8 +2077,8 @@ def inject(rotor, duty, v, link, injection, math, stages=None):
     (amplitude, sign) = injection
     left = _larger(1.0 - PER_FADED_SPEED * _larger(omega, -omega), 0.0)
     v_link = _larger(v_dc, 1.0)
-    room = (v_link * _larger(_smaller(_smaller(duty_a, _smaller(duty_b, duty_c)), 1.0 - _larger(duty_a,
-        _larger(duty_b, duty_c))), 0.0))
+    room = (ONE_BY_SQRT_3 * v_link * _larger(1.0 - (_larger(duty_a, _larger(duty_b, duty_c)) -
+        _smaller(duty_a, _smaller(duty_b, duty_c))), 0.0))
     size = sign * _smaller(amplitude * left, room)
     theta_wrapped = math.wrap(theta)
     sin_theta, cos_theta = math.sin_cos(theta_wrapped)
@@ -2086,9 +2086,14 @@ def inject(rotor, duty, v, link, injection, math, stages=None):
     added_beta = sin_theta * size
     half = -0.5 * added_alpha
     cross = SQRT_3_BY_2 * added_beta
+    waved_a = duty_a + added_alpha / v_link
+    waved_b = duty_b + (half + cross) / v_link
+    waved_c = duty_c + (half - cross) / v_link
+    centre = (0.5 - 0.5 * (_smaller(waved_a, _smaller(waved_b, waved_c)) + _larger(waved_a,
+        _larger(waved_b, waved_c))))
 
     return (
-        (duty_a + added_alpha / v_link, duty_b + (half + cross) / v_link, duty_c + (half - cross) / v_link,),
+        (waved_a + centre, waved_b + centre, waved_c + centre,),
         (v_alpha + added_alpha, v_beta + added_beta,),
         (amplitude, -sign,),
     )

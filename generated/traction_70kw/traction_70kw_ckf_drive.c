@@ -3,10 +3,10 @@
  *
  * Cost at most, a whole interrupt, CATCHING: 625 add, 908 mul, 29 div, 8 sqrt, 121 compare, 76 select, 150 branch, 138 call;
  *   estimated 8048 cycles on C28x + FPU32 (k = 2.5; 12373 at k = 5; from published cycles, not measured), 320 words of state.
- * Cost at most, a whole interrupt, RUNNING: 625 add, 898 mul, 32 div, 8 sqrt, 130 compare, 84 select, 153 branch, 144 call;
- *   estimated 8234 cycles on C28x + FPU32 (k = 2.5; 12576 at k = 5; from published cycles, not measured), 320 words of state.
- * Cost at most, a whole interrupt, STARTING: 1128 add, 1646 mul, 45 div, 9 sqrt, 184 compare, 111 select, 237 branch, 209 call;
- *   estimated 13574 cycles on C28x + FPU32 (k = 2.5; 21246 at k = 5; from published cycles, not measured), 320 words of state.
+ * Cost at most, a whole interrupt, RUNNING: 631 add, 900 mul, 32 div, 8 sqrt, 133 compare, 87 select, 153 branch, 147 call;
+ *   estimated 8304 cycles on C28x + FPU32 (k = 2.5; 12682 at k = 5; from published cycles, not measured), 320 words of state.
+ * Cost at most, a whole interrupt, STARTING: 1134 add, 1648 mul, 45 div, 9 sqrt, 187 compare, 114 select, 237 branch, 212 call;
+ *   estimated 13644 cycles on C28x + FPU32 (k = 2.5; 21352 at k = 5; from published cycles, not measured), 320 words of state.
  */
 /* On the C28x these run from RAM, because flash has wait states. The pragma must come before any declaration, and takes
  * a name and a literal: hence here, and no macro. */
@@ -145,8 +145,8 @@ static void inject(const float32 rotor[2], const float32 duty[3], const float32 
     const float32 duty_a = duty[0];
     const float32 duty_b = duty[1];
     const float32 duty_c = duty[2];
-    const float32 room = v_link * larger(smaller(smaller(duty_a, smaller(duty_b, duty_c)), 1.0f -
-        larger(duty_a, larger(duty_b, duty_c))), 0.0f);
+    const float32 room = ONE_BY_SQRT_3 * v_link * larger(1.0f - (larger(duty_a, larger(duty_b, duty_c)) -
+        smaller(duty_a, smaller(duty_b, duty_c))), 0.0f);
     const float32 sign = injection[1];
     const float32 amplitude = injection[0];
     const float32 size = sign * smaller(amplitude * left, room);
@@ -159,12 +159,17 @@ static void inject(const float32 rotor[2], const float32 duty[3], const float32 
     const float32 added_beta = sin_theta * size;
     const float32 half = -0.5f * added_alpha;
     const float32 cross = SQRT_3_BY_2 * added_beta;
+    const float32 waved_a = duty_a + added_alpha / v_link;
+    const float32 waved_b = duty_b + (half + cross) / v_link;
+    const float32 waved_c = duty_c + (half - cross) / v_link;
+    const float32 centre = 0.5f - 0.5f * (smaller(waved_a, smaller(waved_b, waved_c)) + larger(waved_a,
+        larger(waved_b, waved_c)));
     const float32 v_alpha = v[0];
     const float32 v_beta = v[1];
 
-    duty_out[0] = duty_a + added_alpha / v_link;
-    duty_out[1] = duty_b + (half + cross) / v_link;
-    duty_out[2] = duty_c + (half - cross) / v_link;
+    duty_out[0] = waved_a + centre;
+    duty_out[1] = waved_b + centre;
+    duty_out[2] = waved_c + centre;
     v_out[0] = v_alpha + added_alpha;
     v_out[1] = v_beta + added_beta;
     injection_out[0] = amplitude;

@@ -7,11 +7,14 @@ Yoon, Sul, Morimoto and Ide, IEEE Trans. Ind. Appl. 47, 2011). Resistance has no
 needed: the filter knows the voltage and expects the ripple, through its own equations.
 
 The voltage fades with speed, where the back-EMF tells more, and is never more than the duty cycles have room for, so
-that what the filter is told is what arrives.
+that what the filter is told is what arrives. Room is what the inverter has in every direction, at rest the link over
+sqrt(3): with the wave in them the largest and the smallest duty cycle lie about one half alike again, as space-vector
+modulation has it. On top of duty cycles that stay where they are there is room for half of the link.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import casadi as ca
@@ -92,17 +95,25 @@ def injection_block(drive: Drive) -> Block:
     speed = ca.fmax(omega, -omega)
     left = ca.fmax(1.0 - speed * faded(drive), 0.0)
     v_link = ca.fmax(v_dc, LEAST_LINK)
-    lowest = ca.fmin(duty[0], ca.fmin(duty[1], duty[2]))
-    highest = ca.fmax(duty[0], ca.fmax(duty[1], duty[2]))
-    room = v_link * ca.fmax(ca.fmin(lowest, 1.0 - highest), 0.0)
+    lowest, highest = _ends(duty)
+    room = (v_link * (1.0 / SQRT_3)) * ca.fmax(1.0 - (highest - lowest), 0.0)
     size = sign * ca.fmin(amplitude * left, room)
     added = Rotor.at(theta).to_stator((size, 0.0))
     half, cross = -0.5 * added[0], (SQRT_3 / 2) * added[1]
+    legs = [added[0], half + cross, half - cross]
+    waved = [d + leg / v_link for d, leg in zip(duty, legs, strict=True)]
+    bottom, top = _ends(waved)
+    centre = 0.5 - 0.5 * (bottom + top)
     named: dict[str, Any] = {"left": left, "v_link": v_link, "room": room, "size": size}
     named |= {"added_alpha": added[0], "added_beta": added[1], "half": half, "cross": cross}
+    named |= {f"waved_{leg}": value for leg, value in zip("abc", waved, strict=True)} | {"centre": centre}
     b.stage("left", "", "", list(named.values()), list(named), scale="none")
-    legs = [added[0], half + cross, half - cross]
-    b.output("duty", [d + leg / v_link for d, leg in zip(duty, legs, strict=True)])
+    b.output("duty", [value + centre for value in waved])
     b.output("v", [v[0] + added[0], v[1] + added[1]])
     b.output("injection", [amplitude, -sign])
     return b.build()
+
+
+def _ends(duty: Sequence[Any]) -> tuple[Any, Any]:
+    """The smallest and the largest of three duty cycles."""
+    return ca.fmin(duty[0], ca.fmin(duty[1], duty[2])), ca.fmax(duty[0], ca.fmax(duty[1], duty[2]))

@@ -43,11 +43,11 @@ def injected(
         Speed at which nothing is left of the wave, rad/s.
     """
     link = link if link > LEAST_LINK else LEAST_LINK
-    room = link * max(0.0, min(duty.min(), 1.0 - duty.max()))
+    room = link * max(0.0, 1.0 - np.ptp(duty)) / np.sqrt(3.0)
     size = min(room, amplitude * max(0.0, 1.0 - abs(rotor[0]) / faded))
     pulse = sign * size * np.exp(1j * rotor[1])
-    legs = np.real(pulse * np.exp(-2j * np.pi / 3 * np.arange(3)))
-    return duty + legs / link, v + pulse
+    waved = duty + np.real(pulse * np.exp(-2j * np.pi / 3 * np.arange(3))) / link
+    return waved + (1.0 - waved.max() - waved.min()) / 2, v + pulse
 
 
 def link_injection(module: ModuleType, drive: str, kind: str, gain: str, link: float, seed: int = 5) -> Link:

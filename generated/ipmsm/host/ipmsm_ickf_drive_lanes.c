@@ -1137,8 +1137,8 @@ static void inject(const lanes *__restrict rotor, const lanes *__restrict duty, 
         const float32 sign = injection[1].of[lane];
         const float32 left = larger(1.0f - PER_FADED_SPEED * larger(omega, -omega), 0.0f);
         const float32 v_link = larger(v_dc, 1.0f);
-        const float32 room = v_link * larger(smaller(smaller(duty_a, smaller(duty_b, duty_c)), 1.0f -
-            larger(duty_a, larger(duty_b, duty_c))), 0.0f);
+        const float32 room = ONE_BY_SQRT_3 * v_link * larger(1.0f - (larger(duty_a, larger(duty_b, duty_c)) -
+            smaller(duty_a, smaller(duty_b, duty_c))), 0.0f);
         const float32 size = sign * smaller(amplitude * left, room);
         const float32 theta_wrapped = wrap_angle(theta);
         const pmsm_pair sincos_theta = sin_cos(theta_wrapped);
@@ -1148,10 +1148,15 @@ static void inject(const lanes *__restrict rotor, const lanes *__restrict duty, 
         const float32 added_beta = sin_theta * size;
         const float32 half = -0.5f * added_alpha;
         const float32 cross = SQRT_3_BY_2 * added_beta;
+        const float32 waved_a = duty_a + added_alpha / v_link;
+        const float32 waved_b = duty_b + (half + cross) / v_link;
+        const float32 waved_c = duty_c + (half - cross) / v_link;
+        const float32 centre = 0.5f - 0.5f * (smaller(waved_a, smaller(waved_b, waved_c)) + larger(waved_a,
+            larger(waved_b, waved_c)));
 
-        duty_out[0].of[lane] = duty_a + added_alpha / v_link;
-        duty_out[1].of[lane] = duty_b + (half + cross) / v_link;
-        duty_out[2].of[lane] = duty_c + (half - cross) / v_link;
+        duty_out[0].of[lane] = waved_a + centre;
+        duty_out[1].of[lane] = waved_b + centre;
+        duty_out[2].of[lane] = waved_c + centre;
         v_out[0].of[lane] = v_alpha + added_alpha;
         v_out[1].of[lane] = v_beta + added_beta;
         injection_out[0].of[lane] = amplitude;
