@@ -130,3 +130,10 @@ def test_links_lead_somewhere(document: str) -> None:
         if "://" not in target:
             place = (path.parent / target).resolve()
             assert place.exists() or place in written(), target
+
+
+def test_the_change_log_says_nothing_twice() -> None:
+    """As two branches that grew the same entry leave it."""
+    entries = re.findall(r"^- .{60}", (ROOT / "CHANGELOG.md").read_text(encoding="utf-8"), flags=re.MULTILINE)
+    assert len(entries) > 50
+    assert {entry for entry in entries if entries.count(entry) > 1} == set()

@@ -31,6 +31,10 @@ WIDE = "-mprefer-vector-width=512"
 PATIENCE = 300.0
 
 
+#: What needs no compiler.
+WITHOUT = 'Without one there are generate, replay --backend numpy, and load(..., backend="numpy").'
+
+
 def find_compiler() -> list[str]:
     """A C compiler as a command: $CC if set, else cc, gcc or clang, else the one in the Python package ziglang.
 
@@ -44,9 +48,7 @@ def find_compiler() -> list[str]:
         command = shlex.split(wanted)
         if command and shutil.which(command[0]):
             return command
-        raise UserError(
-            f"no C compiler: CC is set to '{wanted}', which is not a program. The numpy back end works without one."
-        )
+        raise UserError(f"no C compiler: CC is set to '{wanted}', which is not a program. {WITHOUT}")
     for name in ("cc", "gcc", "clang"):
         if shutil.which(name):
             return [name]
@@ -55,7 +57,7 @@ def find_compiler() -> list[str]:
         return [zig, "cc", *PACKAGED]
     raise UserError(
         "no C compiler found (looked for cc, gcc, clang, ziglang). Install one (Debian: apt-get install gcc; anywhere: "
-        "pip install 'pmsm-ickf[compiler]') or set CC; the numpy back end works without: backend=\"numpy\"."
+        f"pip install 'pmsm-ickf[compiler]') or set CC. {WITHOUT}"
     )
 
 
