@@ -5,6 +5,7 @@ from __future__ import annotations
 import ctypes
 import hashlib
 import os
+import re
 import shlex
 import shutil
 import signal
@@ -260,6 +261,10 @@ def _compile(compiler: list[str], flags: list[str], sources: Mapping[str, str], 
     return folder / "out"
 
 
+#: By which a compiler says that its linker failed, which has said why.
+LINKED = re.compile(r"ld returned \d+ exit status|linker command failed")
+
+
 def run_compiler(command: Sequence[str], folder: Path, what: str) -> None:
     """Run a compiler in ``folder``, which makes the file behind ``-o``.
 
@@ -279,9 +284,9 @@ def run_compiler(command: Sequence[str], folder: Path, what: str) -> None:
     """
     files = ", ".join(word for word in command if word.endswith(".c"))
     try:
-        # A group of its own: the driver's children end with it.
+        # A group of its own: the driver's children end with it. What it leaves lying then goes with the folder.
         process = subprocess.Popen(
-            command, cwd=folder, process_group=0,
+            command, cwd=folder, process_group=0, env={**os.environ, "TMPDIR": "."},
             stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE,
         )  # fmt: skip
     except OSError as error:
@@ -297,7 +302,8 @@ def run_compiler(command: Sequence[str], folder: Path, what: str) -> None:
     if process.returncode < 0:
         raise UserError(f"{what} crashed on {files}: {signal.strsignal(-process.returncode)}.")
     if process.returncode > 0:
-        lines = [line for line in said.splitlines() if line.strip()] or ["it does not say why"]
+        lines = [line for line in said.splitlines() if line.strip()]
+        lines = [line for line in lines if not LINKED.search(line)] or lines or ["it does not say why"]
         reason = next((line for line in lines if "error" in line or "overflow" in line), lines[0])
         raise UserError(f"{what} failed on {files}: {reason[:300]}")
     if not (folder / command[command.index("-o") + 1]).is_file():

@@ -122,7 +122,8 @@ def test_run_shows_the_main_result(tmp_path: Path) -> None:
     done = call("run", "--build", "b", cwd=tmp_path, PMSM_ICKF_FRESH="")
     assert done.returncode == 0, done.stdout + done.stderr
     page = (tmp_path / "b" / "report" / "index.html").read_text()
-    assert page.count("<svg") == 1 + 4 + 2 + 1  # the loop on the first screen; the proof, the scenarios, the modes
+    assert page.count("<svg") == 1 + 3 + 2 + 1  # the loop on the first screen; the proof, the scenarios, the modes
+    assert "agree bit for bit: there is nothing to draw" in page
     assert "all links that could be run here hold" in page
     assert "were not run: <code>pmsm-ickf run --all" in page
     _needs_nothing(page)
