@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from runtime.system.collector import end_without_search, loading
 from runtime.system.errors import end_interrupted, remember_interrupts, stop_if_interrupted, was_interrupted
+from runtime.system.streams import open_streams
 
 
 def main() -> None:
     """Load the command line and run it."""
+    open_streams()
     remember_interrupts()
     end_without_search()
     try:

@@ -1,12 +1,14 @@
 """pmsm-ickf: the command line. It assembles the commands of :mod:`runtime.commands`.
 
-Exit codes: 0 good, 1 a check failed, 2 bad input.
+Exit codes: 0 good, 1 a check failed, 2 bad input, 130 Ctrl-C, 141 nobody reads the output, 143 SIGTERM.
 """
 
 from __future__ import annotations
 
+import errno
 import sys
 from collections.abc import Sequence
+from contextlib import suppress
 from functools import cache
 from importlib import import_module
 from io import TextIOWrapper
@@ -21,6 +23,7 @@ from runtime.commands.quiet import with_quiet
 from runtime.commands.terminal import console
 from runtime.system.collector import loading
 from runtime.system.errors import UserError, end_interrupted, was_interrupted
+from runtime.system.streams import UNREAD, reader_is_gone
 
 #: Commands in groups, both in the order in which one comes to use them; each lies in the module of its name.
 GROUPS = {
@@ -82,6 +85,10 @@ class Commands(TyperGroup):
             return super().invoke(ctx)
         except KeyboardInterrupt:
             raise typer.Exit(130) from None
+        except BrokenPipeError as error:
+            if reader_is_gone():
+                raise
+            raise UserError(f"a program or board that this command writes to has gone: {error.strerror}.") from None
 
 
 app = typer.Typer(
@@ -127,6 +134,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
         code = _commands().main(arguments, prog_name=PROGRAM, standalone_mode=False)
     except KeyboardInterrupt:
         end_interrupted()
+    except SystemExit as end:  # so Rich and Typer end where nobody reads any more, with 1: no check has failed
+        sys.exit(UNREAD if isinstance(end.__context__, BrokenPipeError) else end.code)
     except Exception as error:
         if was_interrupted():  # a library has made another error of the KeyboardInterrupt, CasADi a SystemError
             end_interrupted()
@@ -144,7 +153,7 @@ def _explained(error: Exception) -> int:
     from model.schema import DriveError
 
     if isinstance(error, OSError):  # a disk, a right, a limit
-        _say(f"{error.filename}: {error.strerror}" if error.filename else error)
+        _say(f"{error.filename}: {error.strerror}" if error.filename else _unnamed(error))
     elif isinstance(error, BudgetError):
         _say(error)
         return 1
@@ -159,6 +168,13 @@ def _explained(error: Exception) -> int:
     return 2
 
 
+def _unnamed(error: OSError) -> str:
+    """What the system refuses, where it does not say of which file: where it may be."""
+    if error.errno not in (errno.ENOSPC, errno.EDQUOT):
+        return str(error)
+    return f"{error.strerror}: where the output of the command goes, or its temporary files (TMPDIR)."
+
+
 def _usage(error: Any) -> str:
     """What is wrong with the command line, and whose help says what is right."""
     words = " ".join(str(error.format_message()).split()) or "Say which command."
@@ -171,7 +187,8 @@ def _say(error: object) -> None:
     text = "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in str(error))
     if len(text) > LONGEST:  # the beginning says where, the end what would be right
         text = f"{text[: LONGEST * 2 // 3]} ... {text[-LONGEST // 4 :]}"
-    print(f"pmsm-ickf: {text}", file=sys.stderr)
+    with suppress(OSError):  # the exit code tells it where stderr is full
+        print(f"pmsm-ickf: {text}", file=sys.stderr)
 
 
 if __name__ == "__main__":

@@ -7,6 +7,7 @@ import os
 import shutil
 import subprocess
 import sys
+import tarfile
 import tomllib
 import zipfile
 from pathlib import Path
@@ -17,6 +18,12 @@ from tests.runtime.processes import PAPER
 
 ROOT = Path(__file__).parents[1]
 PACKAGES = ("model", "codegen", "runtime", "generated")
+#: Folders and files beside them that are packed with the sources.
+BESIDE = (".ci", "benchmarks", "docs", "tests")
+TOPS = (
+    "README.md", "ARCHITECTURE.md", "CHANGELOG.md", "CONTRIBUTING.md", "LICENSE", "Makefile", ".gitignore",
+    ".pre-commit-config.yaml",
+)  # fmt: skip
 
 
 def files() -> set[str]:
@@ -43,14 +50,49 @@ def test_every_file_of_the_packages_is_stated() -> None:
     assert not packed("runtime/report/page.css", {"*": ["*.c"]}), "a new kind of file is noticed"
 
 
+def test_the_source_distribution_states_all_that_is_no_package() -> None:
+    """Every folder of the checkout, the pages at its top, and what the tests read of it."""
+    lines = (ROOT / "MANIFEST.in").read_text("utf-8").splitlines()
+    assert {line.partition(" ")[2] for line in lines if line.startswith("graft ")} == set(BESIDE)
+    tops = next(line for line in lines if line.startswith("include ")).split()[1:]
+    assert [name for name in TOPS if not any(fnmatch.fnmatchcase(name, pattern) for pattern in tops)] == []
+
+
+def sources(root: Path) -> set[str]:
+    """Files that a source distribution holds, by their paths."""
+    found = {path for folder in (*PACKAGES, *BESIDE) for path in (root / folder).rglob("*") if path.is_file()}
+    names = {str(path.relative_to(root)) for path in found if "__pycache__" not in path.parts}
+    return {*names, *TOPS, "pyproject.toml", "MANIFEST.in"}
+
+
+@pytest.fixture
+def source_distribution(tmp_path: Path) -> Path:
+    """The checkout as setuptools packs it, made in a copy."""
+    copy, tools = tmp_path / "checkout", tmp_path / "tools"
+    for name in sources(ROOT):
+        (copy / name).parent.mkdir(parents=True, exist_ok=True)
+        shutil.copy(ROOT / name, copy / name)
+    (copy / "docs" / "__pycache__").mkdir()
+    (copy / "docs" / "__pycache__" / "left.pyc").touch()
+    pip = [sys.executable, "-m", "pip", "install", "--quiet", "--target", str(tools), "setuptools>=69"]
+    subprocess.run(pip, check=True)
+    build = f"from setuptools import build_meta; build_meta.build_sdist({str(tmp_path)!r})"
+    environment = {**os.environ, "PYTHONPATH": str(tools)}
+    subprocess.run([sys.executable, "-c", build], cwd=copy, env=environment, check=True, capture_output=True)
+    return next(tmp_path.glob("*.tar.gz"))
+
+
 @pytest.mark.thorough
-def test_the_wheel_holds_them_and_works_from_an_empty_folder(tmp_path: Path) -> None:
-    source, place = tmp_path / "source", tmp_path / "place"
-    for name in (*files(), "pyproject.toml", "README.md", "LICENSE"):
-        (source / name).parent.mkdir(parents=True, exist_ok=True)
-        shutil.copy(ROOT / name, source / name)
-    wheel = [sys.executable, "-m", "pip", "wheel", "--quiet", "--no-deps", "--wheel-dir", str(tmp_path), str(source)]
-    subprocess.run(wheel, check=True)
+def test_the_wheel_of_the_source_distribution_works_from_an_empty_folder(
+    source_distribution: Path, tmp_path: Path
+) -> None:
+    with tarfile.open(source_distribution) as archive:
+        held = {member.name.partition("/")[2] for member in archive if member.isfile()}
+    made = {name for name in held if name in ("PKG-INFO", "setup.cfg") or ".egg-info/" in name}
+    assert held - made == sources(ROOT)
+    place = tmp_path / "place"
+    wheel = [sys.executable, "-m", "pip", "wheel", "--quiet", "--no-deps", "--wheel-dir", str(tmp_path)]
+    subprocess.run([*wheel, str(source_distribution)], check=True)
     with zipfile.ZipFile(next(tmp_path.glob("*.whl"))) as archive:
         assert {name for name in archive.namelist() if ".dist-info/" not in name} == files()
         archive.extractall(tmp_path / "installed")

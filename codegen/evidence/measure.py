@@ -7,6 +7,7 @@ the same code gives the same report on any machine, with or without the compiler
 from __future__ import annotations
 
 import hashlib
+import os
 import shutil
 import subprocess
 import tempfile
@@ -126,7 +127,8 @@ def compile_object(files: Mapping[str, str], source: str, stand_in: StandIn) -> 
         for name, text in files.items():
             (Path(scratch) / name).write_text(text, encoding="utf-8")
         command = [stand_in.compiler, *stand_in.flags, "-fstack-usage", "-c", source, "-o", "measured.o"]
-        subprocess.run(command, cwd=scratch, check=True, capture_output=True, timeout=PATIENCE)
+        environment = {**os.environ, "TMPDIR": scratch}  # what an interrupted compiler leaves goes with the folder
+        subprocess.run(command, cwd=scratch, env=environment, check=True, capture_output=True, timeout=PATIENCE)
         frames = _frames((Path(scratch) / "measured.su").read_text(encoding="utf-8"))
         size = subprocess.run(
             [stand_in.compiler.replace("gcc", "size"), "measured.o"],

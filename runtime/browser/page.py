@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import base64
+import os
 import shutil
 import subprocess
 import tempfile
@@ -52,9 +53,9 @@ def compile_filter(folder: GeneratedFolder, kind: str) -> bytes:
         module = Path(scratch) / "filter.wasm"
         names = [f"-DFILTER={name}", f'-DHEADER="{name}.h"', f"-I{scratch}"]
         files = [str(Path(__file__).with_name("browser.c")), str(Path(scratch) / f"{name}.c")]
-        done = subprocess.run(
-            ["clang", *FLAGS, *names, *files, "-o", str(module)], capture_output=True, text=True, check=False
-        )
+        command = ["clang", *FLAGS, *names, *files, "-o", str(module)]
+        environment = {**os.environ, "TMPDIR": scratch}  # what an interrupted compiler leaves goes with the folder
+        done = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
         if done.returncode:
             first = done.stderr.strip().partition("\n")[0]
             raise UserError(f"clang could not make WebAssembly of {name}.c: {first}")

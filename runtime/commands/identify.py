@@ -49,7 +49,7 @@ def identify(
     dc_link: DcLink = None,
     resample: Resample = False,
     write: WriteTo = None,
-    plots: Annotated[Path | None, writes_folder("Write innovations.svg and likelihood.svg.")] = None,
+    plots: Annotated[Path | None, writes_folder("Write a page, index.html, and its figures (svg).")] = None,
     json: Json = None,
 ) -> None:
     """Find motor data, dead time and noise from recordings, with 95 % intervals, and say what they cannot show.
@@ -60,6 +60,7 @@ def identify(
     from runtime.identify.identify import identify as find
     from runtime.identify.redesign import compare
     from runtime.identify.subject import read_subject
+    from runtime.identify.tables import INTERRUPTED
     from runtime.identify.write import check_write
 
     if plots is not None:
@@ -82,7 +83,7 @@ def identify(
     _show(found, compared)
     _keep(found, compared, write, json, plots)
     if found.found.interrupted:
-        console.print("interrupted: these are the best so far, and the search had not ended.", highlight=False)
+        say(INTERRUPTED)
         raise typer.Exit(130)
     if not any(estimate.told for estimate in found.result.estimates):
         raise typer.Exit(1)
@@ -113,12 +114,10 @@ def _keep(
 
 
 def _show(found: Identified, compared: Compared | None) -> None:
-    from runtime.identify.tables import estimates_table, filters_table, steps_words, summary
+    from runtime.identify.tables import estimates_table, filters_table, notes_words, steps_words, summary
 
-    for rows in found.problem.recordings:
-        for note in rows.notes:
-            line = f"[yellow]note:[/yellow] {escape(rows.recorded.path.name)}: {escape(note)}"
-            console.print(line, highlight=False, soft_wrap=True)
+    for line in notes_words(found):
+        console.print(f"[yellow]{escape(line)}[/yellow]", highlight=False, soft_wrap=True)
     console.print(estimates_table(found), highlight=False)
     say(summary(found))
     for line in steps_words(found):

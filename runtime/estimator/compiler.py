@@ -5,6 +5,7 @@ from __future__ import annotations
 import ctypes
 import hashlib
 import os
+import re
 import shlex
 import shutil
 import signal
@@ -31,6 +32,10 @@ WIDE = "-mprefer-vector-width=512"
 PATIENCE = 300.0
 
 
+#: What needs no compiler.
+WITHOUT = 'Without one there are generate, replay --backend numpy, and load(..., backend="numpy").'
+
+
 def find_compiler() -> list[str]:
     """A C compiler as a command: $CC if set, else cc, gcc or clang, else the one in the Python package ziglang.
 
@@ -44,9 +49,7 @@ def find_compiler() -> list[str]:
         command = shlex.split(wanted)
         if command and shutil.which(command[0]):
             return command
-        raise UserError(
-            f"no C compiler: CC is set to '{wanted}', which is not a program. The numpy back end works without one."
-        )
+        raise UserError(f"no C compiler: CC is set to '{wanted}', which is not a program. {WITHOUT}")
     for name in ("cc", "gcc", "clang"):
         if shutil.which(name):
             return [name]
@@ -55,7 +58,7 @@ def find_compiler() -> list[str]:
         return [zig, "cc", *PACKAGED]
     raise UserError(
         "no C compiler found (looked for cc, gcc, clang, ziglang). Install one (Debian: apt-get install gcc; anywhere: "
-        "pip install 'pmsm-ickf[compiler]') or set CC; the numpy back end works without: backend=\"numpy\"."
+        f"pip install 'pmsm-ickf[compiler]') or set CC. {WITHOUT}"
     )
 
 
@@ -258,6 +261,10 @@ def _compile(compiler: list[str], flags: list[str], sources: Mapping[str, str], 
     return folder / "out"
 
 
+#: By which a compiler says that its linker failed, which has said why.
+LINKED = re.compile(r"ld returned \d+ exit status|linker command failed")
+
+
 def run_compiler(command: Sequence[str], folder: Path, what: str) -> None:
     """Run a compiler in ``folder``, which makes the file behind ``-o``.
 
@@ -277,9 +284,9 @@ def run_compiler(command: Sequence[str], folder: Path, what: str) -> None:
     """
     files = ", ".join(word for word in command if word.endswith(".c"))
     try:
-        # A group of its own: the driver's children end with it.
+        # A group of its own: the driver's children end with it. What it leaves lying then goes with the folder.
         process = subprocess.Popen(
-            command, cwd=folder, process_group=0,
+            command, cwd=folder, process_group=0, env={**os.environ, "TMPDIR": "."},
             stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE,
         )  # fmt: skip
     except OSError as error:
@@ -295,7 +302,8 @@ def run_compiler(command: Sequence[str], folder: Path, what: str) -> None:
     if process.returncode < 0:
         raise UserError(f"{what} crashed on {files}: {signal.strsignal(-process.returncode)}.")
     if process.returncode > 0:
-        lines = [line for line in said.splitlines() if line.strip()] or ["it does not say why"]
+        lines = [line for line in said.splitlines() if line.strip()]
+        lines = [line for line in lines if not LINKED.search(line)] or lines or ["it does not say why"]
         reason = next((line for line in lines if "error" in line or "overflow" in line), lines[0])
         raise UserError(f"{what} failed on {files}: {reason[:300]}")
     if not (folder / command[command.index("-o") + 1]).is_file():

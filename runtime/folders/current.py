@@ -26,7 +26,7 @@ def check_ready(drive: str | Path) -> None:
     try:
         find_compiler()
     except UserError as error:
-        raise UserError(f"{error} The proof of the C (D-E) cannot do without.") from None
+        raise UserError(f"the proof executes the generated C (link D-E): {error}") from None
     _check_unedited(find_drive(drive))
 
 

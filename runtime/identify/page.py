@@ -6,7 +6,7 @@ from pathlib import Path
 
 from runtime.identify.identify import Identified
 from runtime.identify.redesign import Compared
-from runtime.identify.tables import estimates_table, filters_table, steps_words, summary
+from runtime.identify.tables import INTERRUPTED, estimates_table, filters_table, notes_words, steps_words, summary
 from runtime.style.pages import table_markup, write_page
 from runtime.style.svg import themed
 
@@ -36,9 +36,10 @@ def write_identified(found: Identified, compared: Compared | None, folder: Path)
     def figure(name: str) -> str:
         return themed((folder / name).read_text(encoding="utf-8"))
 
-    said = [*steps_words(found), *found.result.words]
+    said = [*notes_words(found), *steps_words(found), *found.result.words]
+    end = [INTERRUPTED] if found.found.interrupted else []
     parts = [
-        ("Motor data", [table_markup(estimates_table(found)), summary(found), *said]),
+        ("Motor data", [*end, table_markup(estimates_table(found)), summary(found), *said]),
         ("Innovations", [INNOVATIONS, figure("innovations.svg")]),
         ("Likelihood", [LIKELIHOOD, figure("likelihood.svg")]),
     ]

@@ -33,6 +33,21 @@ def estimates_table(found: Identified) -> Table:
     return table
 
 
+#: Said of a search that Ctrl-C ended.
+INTERRUPTED = "interrupted: these are the best so far, and the search had not ended."
+
+
+def notes_words(found: Identified) -> list[str]:
+    """What reading the recordings had to say, a line each.
+
+    Parameters
+    ----------
+    found : Identified
+    """
+    recordings = found.problem.recordings
+    return [f"note: {rows.recorded.path.name}: {note}" for rows in recordings for note in rows.notes]
+
+
 def steps_words(found: Identified) -> list[str]:
     """When the load was taken to step, a line a recording that has steps.
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import stat
 from collections.abc import Callable
 from pathlib import Path
 
@@ -10,6 +11,7 @@ from runtime.recorded.mdf import read_mdf
 from runtime.recorded.npz import read_npz
 from runtime.recorded.source import Source
 from runtime.recorded.text import read_text
+from runtime.system.errors import UserError
 
 #: By suffix. Any other file is told by its first bytes, and is text if these say nothing.
 FORMATS: dict[str, Callable[[Path], Source]] = {
@@ -40,6 +42,7 @@ def read_source(path: Path) -> Source:
     UserError
         A file that cannot be read, or a library that is missing.
     """
+    _check_file(path)
     reader = FORMATS.get(path.suffix.lower())
     if reader is None:
         try:
@@ -49,3 +52,13 @@ def read_source(path: Path) -> Source:
             begin = b""  # the reader of text says why
         reader = next((one for mark, one in FIRST_BYTES.items() if begin.startswith(mark)), read_text)
     return reader(path)
+
+
+def _check_file(path: Path) -> None:
+    """Refuse a pipe, which would be waited for, or be empty when its numbers are read after its header."""
+    try:
+        mode = path.stat().st_mode
+    except OSError:
+        return  # the reader says why
+    if stat.S_ISFIFO(mode) or stat.S_ISSOCK(mode):
+        raise UserError(f"'{path}' is a pipe, and recorded data is read more than once: write it to a file.")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import zipfile
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -23,6 +24,9 @@ def read_npz(path: Path) -> Source:
         If it is no such archive.
     """
     try:
+        with path.open("rb") as raw:
+            if not zipfile.is_zipfile(raw):  # of which NumPy says that it is pickled, and how to unpickle it
+                raise ValueError("it is no archive of arrays, as numpy.savez writes one.")
         with np.load(path, allow_pickle=False) as file:
             names = tuple(file.files)
     except Exception as error:  # zipfile and zlib have their own, for a damaged archive

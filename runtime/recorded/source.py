@@ -101,5 +101,6 @@ def unreadable(path: Path, error: Exception) -> UserError:
     path : Path
     error : Exception
     """
-    said = " ".join(str(error).split())[:200] or type(error).__name__
+    said = (isinstance(error, OSError) and error.strerror) or str(error)
+    said = " ".join(said.split())[:200] or type(error).__name__
     return UserError(f"'{path}' cannot be read as recorded data: {said}")

@@ -151,7 +151,10 @@ def _first_row(path: Path, lines: Sequence[str]) -> tuple[int, str]:
         if not above and any(word and is_number(b, separator) for word, b in zip(words, after, strict=False)):
             continue  # a word above numbers is a name
         return k, separator
-    raise UserError(f"'{path}' has no row of numbers (at least two columns, separated by comma, semicolon or tab).")
+    where = f" in its first {HEAD:,} bytes, where it is looked for" if path.stat().st_size > HEAD else ""
+    raise UserError(
+        f"'{path}' has no row of numbers{where} (at least two columns, separated by comma, semicolon or tab)."
+    )
 
 
 def _separator(line: str) -> str | None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import sympy as sp
 from markupsafe import Markup
 
@@ -85,7 +86,7 @@ def _chapter(chapter: Chapter) -> dict[str, Any]:
             "trajectory": themed(trajectory_figure(evidence)),
             "stages": themed(stage_figure(proof)),
             "drift": themed(drift_figure(evidence, drive.model.sample_time, units)),
-            "effects": themed(effect_figure(evidence)) if evidence.effects else "",
+            "effects": themed(effect_figure(evidence)) if any(map(np.any, evidence.effects.values())) else "",
             "passes": themed(
                 passes_figure(
                     [item.ablation.name for item in earned],

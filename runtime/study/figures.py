@@ -15,6 +15,7 @@ from runtime.study.run import Group, Study
 from runtime.study.statement import Range
 from runtime.study.tune import OBJECTIVES, Tuned
 from runtime.style.figures import pyplot, svg_text
+from runtime.system.files import write_text
 
 #: Cells along each side of a map, slices of an angle.
 CELLS, SLICES = 10, 24
@@ -43,7 +44,7 @@ def _write(folder: Path, figures: dict[str, str]) -> list[Path]:
     paths = []
     for name, text in figures.items():
         paths.append(folder / f"{name}.svg")
-        paths[-1].write_text(text, encoding="utf-8")
+        write_text(paths[-1], text)
     return paths
 
 
@@ -65,9 +66,28 @@ def violin_figure(groups: Sequence[Group]) -> str:
             axis.plot([k] * 3, [low, middle, high], "_", color=colour, ms=9)
         axis.set_xticks(range(len(groups)), [group.kind for group in groups])
         if name != "lock_time":
+            axis.set_yticks(round_ticks(*axis.get_ylim()))
             axis.yaxis.set_major_formatter(lambda value, position: f"{10**value:.3g}")
         axis.set_title(f"{name.replace('_', ' ')}, {unit}", fontsize=8)
     return svg_text(figure)
+
+
+def round_ticks(low: float, high: float) -> list[float]:
+    """Logarithms to base 10 of round numbers between two logarithms: decades, or steps of 1, 2, 5, or finer.
+
+    Parameters
+    ----------
+    low, high : float
+        Of an axis.
+    """
+    decades = range(int(np.floor(low)), int(np.ceil(high)))
+    found: list[float] = []
+    for digits in ((1,), (1, 2, 5), range(1, 10), np.arange(10, 100) / 10):
+        found = [decade + float(np.log10(digit)) for decade in decades for digit in digits]
+        found = [tick for tick in found if low <= tick <= high]
+        if len(found) >= 4:
+            break
+    return found
 
 
 def angle_figure(groups: Sequence[Group], angle: Range) -> str:

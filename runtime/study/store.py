@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import tempfile
+import threading
 import zipfile
 from collections.abc import Iterator
 from dataclasses import dataclass, fields
@@ -135,14 +136,20 @@ def write_atomically(path: Path, raw: bytes) -> None:
     ----------
     path : Path
     raw : bytes
+
+    Raises
+    ------
+    UserError
+        If it cannot be written; what was at ``path`` is still there.
     """
-    handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
+    part = path.with_name(f".{path.name}.{os.getpid()}.{threading.get_ident()}")
     try:
-        with os.fdopen(handle, "wb") as file:
+        with part.open("wb") as file:
             file.write(raw)
             file.flush()
             os.fsync(file.fileno())
-        os.replace(name, path)
-    except BaseException:
-        Path(name).unlink(missing_ok=True)
-        raise
+        os.replace(part, path)
+    except OSError as error:
+        raise UserError(f"cannot write '{path}': {error.strerror or error}.") from None
+    finally:
+        part.unlink(missing_ok=True)

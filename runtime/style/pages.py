@@ -57,6 +57,8 @@ def page_template(path: Path) -> Page:
 def with_contents(page: str) -> str:
     """A page whose chapters have names to link to, and a table of contents where the frame leaves room for it.
 
+    A chapter that has sections is ``long``: on paper it begins a page, others follow one another.
+
     Parameters
     ----------
     page : str
@@ -79,6 +81,9 @@ def with_contents(page: str) -> str:
         return f'<h{level} id="{name}">{text}</h{level}>'
 
     text = re.sub(r'<h([23])(?: id="([^"]*)")?>(.*?)</h\1>', named, page)
+    for before, after in itertools.pairwise(entries):
+        if (before[0], after[0]) == ("2", "3"):
+            text = text.replace(f'<h2 id="{before[1]}">', f'<h2 id="{before[1]}" class="long">', 1)
     return text.replace("<!-- contents -->", _contents(entries), 1)
 
 
@@ -106,17 +111,12 @@ def table_markup(table: Any) -> Markup:
     ----------
     table : rich.table.Table
     """
-    rows = list(zip(*(column.cells for column in table.columns), strict=True))
     sides = ["" if column.justify == "right" else Markup(' class="text"') for column in table.columns]
     parts = [Markup('<div class="scroll"><table>')]
     if table.show_header:
-        heads = (
-            Markup("<th{}>{}</th>").format(s, _plain_text(c.header)) for s, c in zip(sides, table.columns, strict=True)
-        )
-        parts += [Markup("<tr>"), *heads, Markup("</tr>\n")]
-    for row in rows:
-        cells = (Markup("<td{}>{}</td>").format(side, _plain_text(cell)) for side, cell in zip(sides, row, strict=True))
-        parts += [Markup("<tr>"), *cells, Markup("</tr>\n")]
+        heads = _row("th", sides, [column.header for column in table.columns])
+        parts.append(Markup("<thead>{}</thead>").format(heads))
+    parts += [_row("td", sides, row) for row in zip(*(column.cells for column in table.columns), strict=True)]
     parts.append(Markup("</table></div>"))
     if table.caption:
         parts.append(Markup('<p class="dim">{}</p>').format(_plain_text(table.caption)))

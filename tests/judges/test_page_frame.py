@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import html
 import re
+import subprocess
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +21,7 @@ from runtime.drive.figures import run_figure
 from runtime.estimator.folder import GENERATED
 from runtime.firmware.gates import Gated
 from runtime.proof.link_cd import Drift
+from runtime.proof.result import IterationEffect
 from runtime.proof.trajectory import Trajectory
 from runtime.proof.verify import Evidence
 from runtime.report.chapter import Chapter
@@ -30,6 +33,7 @@ from runtime.style.pages import write_page as write_parts
 from runtime.style.svg import compact_path, themed, with_shared_styles
 from runtime.style.tables import columns_table
 from tests.judges.made import check, link, proof, row, run
+from tests.target.need import need
 
 #: Of all nine drives: what a mail takes.
 LARGEST = 1_500_000
@@ -114,6 +118,56 @@ def test_contents_of_headings_that_are_alike() -> None:
     made = with_contents("<!-- contents --><h2>A &amp; B</h2><h3>x</h3><h3>x</h3><h2>A-B</h2><h2 id='z'>Z</h2>")
     assert re.findall(r'<h\d id="([^"]*)"', made) == ["a-b", "a-b-x", "a-b-x-2", "a-b-2"]
     assert with_contents("<!-- contents --><h2>A</h2>") == '<h2 id="a">A</h2>', "one chapter needs no contents"
+
+
+def test_chapters_with_sections_are_long() -> None:
+    """On paper they begin a page."""
+    made = with_contents("<!-- contents --><h2>A</h2><h2>B</h2><h3>x</h3><h3>y</h3><h2 id='c'>C</h2><h2>D</h2>")
+    assert re.findall(r"<h2[^>]*>", made) == ['<h2 id="a">', '<h2 id="b" class="long">', "<h2 id='c'>", '<h2 id="d">']
+    last = with_contents('<h2 id="own">A</h2><h3>x</h3>')
+    assert re.findall(r"<h2[^>]*>", last) == ['<h2 id="own" class="long">']
+
+
+def _paper(page: Path, scratch: Path) -> int:
+    """How many sheets a page takes."""
+    need("chromium")
+    pdf = scratch / "printed.pdf"
+    options = ["--headless", "--no-sandbox", "--disable-gpu", f"--user-data-dir={scratch / 'profile'}"]
+    subprocess.run(
+        ["chromium", *options, f"--print-to-pdf={pdf}", page.as_uri()], capture_output=True, check=True, timeout=240
+    )
+    return len(re.findall(rb"/Type /Page\b", pdf.read_bytes()))
+
+
+def test_only_long_chapters_begin_a_sheet(tmp_path: Path) -> None:
+    short = [(f"chapter {k}", ["a few words"]) for k in range(4)]
+    write_parts(tmp_path / "short.html", "short", "study", short)
+    assert _paper(tmp_path / "short.html", tmp_path) == 1
+    long = [(head, [*body, Markup("<h3>a section</h3>")]) for head, body in short]
+    write_parts(tmp_path / "long.html", "long", "study", long)
+    assert _paper(tmp_path / "long.html", tmp_path) == 5
+
+
+def test_heads_of_tables_are_repeated_on_every_sheet(page: str) -> None:
+    """A browser repeats what stands in thead alone."""
+    assert page.count("<table><thead><tr><th") > 20
+    assert "<th>" not in re.sub(r"<thead>.*?</thead>", "", page, flags=re.DOTALL)
+    table = columns_table("drive", "n")
+    table.add_row("a", "1")
+    assert table_markup(table).startswith('<div class="scroll"><table><thead><tr><th')
+
+
+def test_what_never_differs_is_said_and_not_drawn(tmp_path: Path) -> None:
+    """A logarithmic axis has no place for zero."""
+    made, words = _chapter(), "agree bit for bit: there is nothing to draw"
+    for worst in (0.0, 0.25):
+        made.evidence.effects["cubature"] = np.full(4000, worst)
+        effect = IterationEffect("paper_spmsm", "cubature", worst, {}, True, "rounding")
+        chapter = replace(made, proof=proof(*made.proof.links, effects=[effect], drive="paper_spmsm"))
+        write_page(tmp_path / "a.html", [chapter])
+        text = (tmp_path / "a.html").read_text(encoding="utf-8")
+        section = text[text.index(">ICKF against CKF</h3>") : text.index(">Modes of the drive</h3>")]
+        assert (words in section, section.count("<svg")) == ((True, 0) if worst == 0.0 else (False, 1))
 
 
 def test_nothing_comes_from_outside(page: str) -> None:

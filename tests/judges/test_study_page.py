@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from runtime.study.figures import write_figures
-from runtime.study.page import write_study
+from runtime.study.page import WORDS, write_study
 from runtime.study.run import Study
 from runtime.study.statement import Range
 from runtime.study.tables import groups_table, paired_table
@@ -20,10 +20,12 @@ from tests.judges.made import cells_of, group
 from tests.judges.test_pages import heads_of
 
 RUNS = 40
-FIGURES = ["a_errors", "a_success_over_theta", "a_map", "b_errors", "b_success_over_theta", "b_map"]
+#: The second drive is called as a figure is.
+DRIVES = ("a", "b_map")
+FIGURES = [f"{drive}_{figure}" for drive in DRIVES for figure in ("errors", "success_over_theta", "map")]
 
 
-def study(folder: Path, drives: tuple[str, ...] = ("a", "b"), kinds: tuple[str, ...] = ("ckf", "ickf")) -> Study:
+def study(folder: Path, drives: tuple[str, ...] = DRIVES, kinds: tuple[str, ...] = ("ckf", "ickf")) -> Study:
     """Two drives with two filters; of each drive's second filter a tenth does not lock."""
     rng = np.random.default_rng(4)
     drawn = {"theta": np.linspace(-90.0, 90.0, RUNS), "R": rng.uniform(0.7, 1.4, RUNS)}
@@ -57,7 +59,7 @@ def test_its_tables_are_those_of_the_terminal(made: tuple[Study, Path]) -> None:
     assert rows == [*cells_of(groups_table(of)), *cells_of(paired)]
     assert heads_of(page)[0][:4] == ["drive", "filter", "runs", "success, % (95 %)"]
     assert [row[:3] for row in rows[:4]] == [
-        ["a", "ckf", "40"], ["a", "ickf", "40"], ["b", "ckf", "40"], ["b", "ickf", "40"]
+        ["a", "ckf", "40"], ["a", "ickf", "40"], ["b_map", "ckf", "40"], ["b_map", "ickf", "40"]
     ]  # fmt: skip
     assert [row[3].partition(" ")[0] for row in rows[:4]] == ["100.0", "90.0", "100.0", "90.0"]
     start = heads_of(page)[0].index("start, r/min")
@@ -74,14 +76,18 @@ def test_every_figure_stands_once_under_its_heading(made: tuple[Study, Path]) ->
     pieces = re.split(r"<h2[^>]*>(.*?)</h2>", text)
     held = dict(zip(pieces[1::2], pieces[2::2], strict=True))
     tables = ["How often, and how well", "Filters on the same runs"]
-    assert list(held) == [*tables, *(name.replace("_", " ") for name in FIGURES)]
+    titles = ("errors", "success over the angle at the start", "success and error over two variables")
+    assert list(held) == [*tables, *(f"{drive}: {title}" for drive in DRIVES for title in titles)]
+    for head, body in held.items():
+        words = WORDS[next(end for end, (title, _) in WORDS.items() if title in head)][1] if head not in tables else ""
+        assert f"<p>{words}</p>" in body or not words, head
     assert {head: body.count("<svg") for head, body in held.items()} == {head: int(head not in tables) for head in held}
 
 
 def test_it_sits_in_the_frame(made: tuple[Study, Path]) -> None:
     _, page = made
     text = page.read_text(encoding="utf-8")
-    assert "<title>Runs drawn at random: a, b" in text
+    assert "<title>Runs drawn at random: a, b_map" in text
     assert "prefers-color-scheme: dark" in text
     assert "@media print" in text
     links = re.findall(r'<a href="#([^"]*)"', text)

@@ -18,6 +18,10 @@ FAKES: dict[str, tuple[str, str]] = {
     "fails silently": ("exit 3", "failed on a.c: it does not say why"),
     "speaks no UTF-8": (r"printf 'error \377\n' >&2; exit 1", "failed on a.c: error \ufffd"),
     "crashes": ("kill -SEGV $$", "crashed on a.c: Segmentation fault"),
+    "fails to link": (
+        "echo '/usr/bin/ld: final link failed: No space left\ncollect2: error: ld returned 1 exit status' >&2; exit 1",
+        "failed on a.c: /usr/bin/ld: final link failed: No space left",
+    ),
     "makes nothing": ("exit 0", "made no program"),
     "hangs": ("sleep 1000 & sleep 1000", "did not end within 1 s on a.c"),
     "reads the keyboard": ("read x; exit 4", "failed on a.c: it does not say why"),
@@ -44,6 +48,18 @@ def test_a_compiler_that(what: str, tmp_path: Path, monkeypatch: pytest.MonkeyPa
     if what == "hangs":
         listed = subprocess.run(["ps", "-eo", "pgid,args"], capture_output=True, text=True, check=True).stdout
         assert not [line for line in listed.splitlines() if str(tmp_path) in line], "it was ended, children too"
+
+
+def test_what_an_ended_compiler_leaves_goes_with_its_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A compiler that is killed does not clear away its temporary files."""
+    for name in ("cache", "temporary"):
+        (tmp_path / name).mkdir()
+    monkeypatch.setenv("TMPDIR", str(tmp_path / "temporary"))
+    monkeypatch.setenv("CC", fake(tmp_path / "cc", 'touch "$TMPDIR/half.o" || exit 5; kill -KILL $$'))
+    monkeypatch.setenv("PMSM_ICKF_CACHE", str(tmp_path / "cache"))
+    with pytest.raises(UserError, match=r"crashed on a\.c: Killed"):
+        compiler.build_library(SOURCES, {})
+    assert [path for name in ("cache", "temporary") for path in (tmp_path / name).iterdir()] == []
 
 
 def test_a_program_of_another_machine_as_the_compiler(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -364,6 +364,28 @@ def test_data_that_is_no_file(place: Path) -> None:
         assert_refused("replay", "paper_spmsm", name)
 
 
+def test_data_that_is_a_pipe(place: Path) -> None:
+    """It would be waited for, or empty when its numbers are read after its header."""
+    os.mkfifo(place / "pipe.csv")
+    assert "'pipe.csv' is a pipe" in assert_refused("replay", "paper_spmsm", "pipe.csv")
+    os.symlink("loop.csv", place / "loop.csv")
+    assert "Too many levels of symbolic links" in assert_refused("replay", "paper_spmsm", "loop.csv")
+
+
+def test_a_line_longer_than_where_its_header_is_looked_for(place: Path) -> None:
+    names = ",".join(["t,u_alpha,u_beta,i_alpha,i_beta", *(f"c{k}" for k in range(60_000))])
+    (place / "wide.csv").write_text("\n".join([names, ",".join(["1"] * 60_005), ",".join(["2"] * 60_005)]) + "\n")
+    assert "no row of numbers in its first 262,144 bytes" in assert_refused("replay", "paper_spmsm", "wide.csv")
+
+
+def test_nobody_is_told_to_unpickle(place: Path) -> None:
+    (place / "text.npz").write_text("t,u_alpha,u_beta,i_alpha,i_beta\n0,1,2,3,4\n")
+    np.save(place / "one.npy", np.zeros(3))
+    (place / "one.npy").rename(place / "one.npz")
+    for name in ("text.npz", "one.npz"):
+        assert "is no archive of arrays" in assert_refused("replay", "paper_spmsm", name)
+
+
 @pytest.mark.parametrize("raw", [b"", b"PK\x03\x04", b"t,u_alpha\n1,2\n", b"\x00"])
 @pytest.mark.parametrize("suffix", ["npz", "csv"])
 def test_pil_with_bad_data(place: Path, raw: bytes, suffix: str) -> None:

@@ -91,8 +91,8 @@ def ran(tmp_path: Path, *arguments: str) -> tuple[int, str]:
 def test_with_a_drive_the_page_has_everything(parts: dict[str, Any], tmp_path: Path) -> None:
     code, page = ran(tmp_path, "paper_spmsm")
     assert code == 0
-    # The loop on the first screen; then the proof and the passes, the modes, the scenario, the sweep.
-    assert page.count("<svg") == 1 + 5 + 1 + 1 + 1
+    # The loop on the first screen; then the proof, whose filters are one, and the passes; modes, scenario, sweep.
+    assert page.count("<svg") == 1 + 4 + 1 + 1 + 1
     assert "all links hold" in page
     assert "E-F, Cortex-M4F" in page
     assert "were not run" not in page
@@ -104,7 +104,7 @@ def test_without_one_the_page_says_what_is_missing(
 ) -> None:
     code, page = ran(tmp_path)
     assert code == 0
-    assert page.count("<svg") == 1 + 4 + 1 + 1  # as above, without proof of one's own and sweep
+    assert page.count("<svg") == 1 + 3 + 1 + 1  # as above, without proof of one's own and sweep
     assert "all links that could be run here hold" in page
     assert "were not run: <code>pmsm-ickf run --all</code>" in page
     assert "Run: pmsm-ickf run --all" in capsys.readouterr().out
