@@ -39,7 +39,6 @@ _SQUARES = partial(share_products, squares=True)
 PIPELINES: Pipelines = (
     (*_HEAD, share_products, *_COLLECTED, *_COLLECTED, share_products, *_TAIL),  # what was collected is opened again
     (*_HEAD, share_products, *_COLLECTED, *_COLLECTED, share_products, _SQUARES, *_TAIL),
-    (*_HEAD, share_products, *_COLLECTED, share_products, _SQUARES, *_TAIL),
     (*_HEAD, *_COLLECTED, share_products, *_TAIL),
     (*_HEAD, *_COLLECTED, _KEPT, *_TAIL),
     (),  # a sign pulled out of a sum's one term may have to be put into its others: then the graph as it stands
@@ -104,29 +103,35 @@ class _Given:
 @lru_cache(maxsize=64)
 def _cheapest(given: _Given, roots: tuple[int, ...], pipelines: Pipelines) -> tuple[Rewritten, Folds]:
     """The cheapest pipeline's result, and the folds that the graph holds after it."""
-    ways = _Ways(given.graph, list(roots))
-    results = [ways.run(pipeline) for pipeline in pipelines]
-    best = min(results, key=lambda result: weight(result[0], [result[1][root] for root in roots]))
-    return best, dict(given.graph.folds)
+    ways = _Ways(given.graph, roots)
+    best = min(pipelines, key=lambda pipeline: weight(*ways.run(pipeline)))
+    return (ways.run(best)[0], ways.moved(best)), dict(given.graph.folds)
 
 
 class _Ways:
     """Pipelines over one graph. What several begin with is done once, and so is what they do to equal graphs."""
 
-    def __init__(self, graph: Graph, roots: list[int]) -> None:
-        self.roots = roots
-        #: By passes: the graph that they made, and where the nodes of the first graph went.
-        self.made: dict[tuple[Pass, ...], Rewritten] = {(): (graph, {node: node for node in graph.reachable(roots)})}
+    def __init__(self, graph: Graph, roots: tuple[int, ...]) -> None:
+        #: By passes: the graph that they made, and the roots in it.
+        self.made: dict[tuple[Pass, ...], tuple[Graph, tuple[int, ...]]] = {(): (graph, roots)}
         self.by_nodes: dict[tuple[Node, ...], Graph] = {tuple(graph.nodes): graph}
         #: By graph, the roots in it and pass.
         self.done: dict[tuple[int, tuple[int, ...], Pass], Rewritten] = {}
 
-    def run(self, passes: tuple[Pass, ...]) -> Rewritten:
+    def run(self, passes: tuple[Pass, ...]) -> tuple[Graph, tuple[int, ...]]:
         if passes not in self.made:
-            graph, whole = self.run(passes[:-1])
-            new, moved = self._pass(graph, tuple(whole[root] for root in self.roots), passes[-1])
-            self.made[passes] = new, {old: moved[now] for old, now in whole.items() if now in moved}
+            graph, roots = self.run(passes[:-1])
+            new, moved = self._pass(graph, roots, passes[-1])
+            self.made[passes] = new, tuple(moved[root] for root in roots)
         return self.made[passes]
+
+    def moved(self, passes: tuple[Pass, ...]) -> dict[int, int]:
+        """Where the nodes of the first graph went."""
+        graph, roots = self.run(passes[:-1])
+        if not passes:
+            return {node: node for node in graph.reachable(roots)}
+        _, moved = self._pass(graph, roots, passes[-1])
+        return {old: moved[now] for old, now in self.moved(passes[:-1]).items() if now in moved}
 
     def _pass(self, graph: Graph, roots: tuple[int, ...], step: Pass) -> Rewritten:
         key = (id(graph), roots, step)

@@ -13,6 +13,8 @@ from codegen.ir.graph import Graph
 Term = tuple[bool, list[int]]
 """A term of a sum: negative?, and its factors as nodes of the old graph."""
 
+SUMS = frozenset({"add", "sub"})
+
 
 def collect(graph: Graph, roots: list[int]) -> tuple[Graph, dict[int, int]]:
     """Multiply out, then collect, every sum.
@@ -43,16 +45,16 @@ class _Collector:
         self.graph = graph
         self.order = graph.reachable(roots)
         self.rank = {index: k for k, index in enumerate(self.order)}
-        uses = Counter(arg for index in self.order for arg in graph[index].args)
-        kept = set(roots)
-        self.once = {index for index in self.order if uses[index] == 1 and index not in kept}
+        uses = Counter(arg for index in self.order for arg in graph.nodes[index].args)
+        self.once = {index for index in self.order if uses[index] == 1} - set(roots)
+        self.opened: dict[int, list[Term]] = {}
         self.new = Graph()
         self.moved: dict[int, int] = {}
 
     def run(self) -> tuple[Graph, dict[int, int]]:
         for index in self.order:
-            node = self.graph[index]
-            if node.op in {"add", "sub"}:
+            node = self.graph.nodes[index]
+            if node.op in SUMS:
                 self.moved[index] = self._sum(self._terms(index))
             else:
                 self.moved[index] = self.new.adopt(node, [self.moved[arg] for arg in node.args])
@@ -60,17 +62,19 @@ class _Collector:
 
     def _terms(self, index: int) -> list[Term]:
         """A sum as terms; inner sums and products of sums opened where nothing else uses them."""
-        node = self.graph[index]
-        if node.op in {"add", "sub"}:
-            left, right = (self._open(arg) for arg in node.args)
-            return left + [(negative != (node.op == "sub"), factors) for negative, factors in right]
-        return self._product(index)
+        node = self.graph.nodes[index]
+        if node.op not in SUMS:
+            return self._product(index)
+        left, right = (self._open(arg) for arg in node.args)
+        return left + [(negative != (node.op == "sub"), factors) for negative, factors in right]
 
     def _open(self, index: int) -> list[Term]:
-        return self._terms(index) if index in self.once else [(False, [index])]
+        if index not in self.opened:
+            self.opened[index] = self._terms(index) if index in self.once else [(False, [index])]
+        return self.opened[index]
 
     def _product(self, index: int) -> list[Term]:
-        node = self.graph[index]
+        node = self.graph.nodes[index]
         if node.op != "mul":
             return [(False, [index])]
         left, right = (self._open(arg) for arg in node.args)
@@ -81,12 +85,7 @@ class _Collector:
     def _sum(self, terms: list[Term]) -> int:
         """The terms added up, collected in one factor after the other."""
         terms = list(terms)
-        while True:
-            count = Counter(factor for _, factors in terms for factor in set(factors))
-            shared = [factor for factor, number in count.items() if number > 1 and factor >= 0]
-            if not shared:
-                terms.sort(key=lambda term: self._is_input(term[1]))
-                return self._added([(negative, self._multiplied(factors)) for negative, factors in terms])
+        while shared := self._shared(terms):
             factor = max(shared, key=lambda f: (self.graph[f].op != "const", self.rank[f]))
             held = [k for k, (_, factors) in enumerate(terms) if factor in factors]
             inner = []
@@ -99,6 +98,17 @@ class _Collector:
             terms[held[0]] = self._wrap(factor, inner, others)
             for k in reversed(held[1:]):
                 del terms[k]
+        terms.sort(key=lambda term: self._is_input(term[1]))
+        return self._added([(negative, self._multiplied(factors)) for negative, factors in terms])
+
+    @staticmethod
+    def _shared(terms: list[Term]) -> set[int]:
+        """Nodes of the old graph that are factors of several terms."""
+        seen, shared = set[int](), set[int]()
+        for _, factors in terms:
+            shared |= seen.intersection(factors)
+            seen.update(factors)
+        return {factor for factor in shared if factor >= 0}
 
     def _is_const(self, factor: int) -> bool:
         return factor >= 0 and self.graph[factor].op == "const"

@@ -29,13 +29,13 @@ def distribute(graph: Graph, roots: list[int]) -> tuple[Graph, dict[int, int]]:
     3
     """
     order = graph.reachable(roots)
-    uses = Counter(arg for index in order for arg in graph[index].args)
+    uses = Counter(arg for index in order for arg in graph.nodes[index].args)
     uses.update(roots)
-    known = {frozenset(graph[index].args): index for index in order if graph[index].op == "mul"}
+    known = {frozenset(graph.nodes[index].args): index for index in order if graph.nodes[index].op == "mul"}
     instead: dict[int, tuple[int, int]] = {}  # a product: its factor, the sum
     for index in order:
-        if graph[index].op == "mul":
-            for k, total in (graph[index].args, graph[index].args[::-1]):
+        if graph.nodes[index].op == "mul":
+            for k, total in (graph.nodes[index].args, graph.nodes[index].args[::-1]):
                 if _opens(graph, total, k, uses, known):
                     instead[index] = k, total
     return _rebuild(graph, roots, instead, uses, known)
@@ -43,7 +43,7 @@ def distribute(graph: Graph, roots: list[int]) -> tuple[Graph, dict[int, int]]:
 
 def _opens(graph: Graph, total: int, k: int, uses: Counter[int], known: dict[frozenset[int], int]) -> bool:
     """Whether ``total`` is a sum of this one user, each of whose terms holds a factor that is known times ``k``."""
-    node = graph[total]
+    node = graph.nodes[total]
     if node.op not in {"add", "sub"} or uses[total] != 1:
         return False
     return all(_term(graph, arg, k, uses, known) or _opens(graph, arg, k, uses, known) for arg in node.args)
@@ -55,8 +55,8 @@ def _term(
     """The known product that stands for ``k`` and a term, and what it is still to be multiplied with."""
     if frozenset((k, term)) in known:
         return known[frozenset((k, term))], None
-    if graph[term].op == "mul" and uses[term] == 1:
-        for factor, rest in (graph[term].args, graph[term].args[::-1]):
+    if graph.nodes[term].op == "mul" and uses[term] == 1:
+        for factor, rest in (graph.nodes[term].args, graph.nodes[term].args[::-1]):
             if frozenset((k, factor)) in known:
                 return known[frozenset((k, factor))], rest
     return None
@@ -72,8 +72,8 @@ def _rebuild(
     new, moved = Graph(), dict[int, int]()
 
     def opened(total: int, k: int) -> int:
-        left, right = (times(arg, k) for arg in graph[total].args)
-        return new.op(graph[total].op, left, right)
+        left, right = (times(arg, k) for arg in graph.nodes[total].args)
+        return new.op(graph.nodes[total].op, left, right)
 
     def times(term: int, k: int) -> int:
         found = _term(graph, term, k, uses, known)
@@ -88,7 +88,7 @@ def _rebuild(
                 k, total = instead[index]
                 moved[index] = opened(total, k)
             else:
-                moved[index] = new.adopt(graph[index], [place(arg) for arg in graph[index].args])
+                moved[index] = new.adopt(graph.nodes[index], [place(arg) for arg in graph.nodes[index].args])
         return moved[index]
 
     for root in roots:

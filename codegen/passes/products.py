@@ -8,11 +8,10 @@ product are folded into one number first.
 
 from __future__ import annotations
 
-from collections import Counter
+from collections import Counter, defaultdict
 from collections.abc import Collection
 from heapq import heappop, heappush
-from itertools import combinations_with_replacement
-from typing import NamedTuple
+from itertools import combinations
 
 from codegen.ir.constants import Folded, folded, product_name, taken_apart
 from codegen.ir.graph import Graph
@@ -45,183 +44,145 @@ def share_products(
     >>> sum(node.op == "mul" for node in new.nodes)
     3
     """
-    order = graph.reachable(roots)
-    tops = _tops(graph, order, set(roots))
-    uses = Counter(arg for index in order for arg in graph[index].args)
-    kept = set() if whole else {index for index in order if graph[index].op == "mul" and uses[index] > 1}
-    tops |= kept
-    named = {graph[k].name: k for k in order if graph[k].op == "const" and graph[k].name} if squares else {}
-    factors = {top: _folded(graph, _factors(graph, top, kept), named) for top in order if top in tops}
-    ranks = {index: rank for rank, index in enumerate(order)}
-    pairs = _share(factors, ranks)
-    return _rebuild(graph, order, factors, pairs, ranks)
+    products = _Products(graph, roots, whole, squares)
+    products.share()
+    return products.rebuild()
 
 
-class Shared(NamedTuple):
-    """A pair of factors that several products hold, by number."""
-
-    number: int
-
-
-#: A node of the old graph, a folded constant, or a shared pair.
-Factor = int | Folded | Shared
+#: A node of the old graph or, by numbers from its size on, what is made beside them: constants folded, pairs shared.
+Factor = int
 Pair = tuple[Factor, Factor]
+#: The factors of a product, and how often it holds each.
+Held = dict[Factor, int]
 
 
-def _tops(graph: Graph, order: list[int], roots: set[int]) -> set[int]:
-    """Products that something other than a product uses, or that must survive."""
-    nodes = graph.nodes
-    users = (nodes[index] for index in order)
-    used = {arg for node in users if node.op != "mul" for arg in node.args} | roots
-    return {index for index in order if nodes[index].op == "mul" and index in used}
+class _Products:
+    """The products of a graph that something other than a product uses, or that must survive, as their factors."""
 
+    def __init__(self, graph: Graph, roots: list[int], whole: bool, squares: bool) -> None:
+        self.graph, self.nodes, self.order = graph, graph.nodes, graph.reachable(roots)
+        #: When a factor is known: nodes in order, pairs with their later half. Folded constants are not told: at once.
+        self.rank: dict[Factor, float] = {index: float(rank) for rank, index in enumerate(self.order)}
+        self.numbers: dict[Folded, Factor] = {}
+        self.pairs: dict[Factor, Pair] = {}
+        muls = [index for index in self.order if self.nodes[index].op == "mul"]
+        uses = Counter(arg for index in self.order for arg in self.nodes[index].args)
+        self.kept = set() if whole else {index for index in muls if uses[index] > 1}
+        others = (self.nodes[index] for index in self.order if self.nodes[index].op != "mul")
+        tops = {arg for node in others for arg in node.args}.union(roots, self.kept)
+        constants = (index for index in self.order if self.nodes[index].op == "const" and self.nodes[index].name)
+        self.roots = {self.nodes[index].name: index for index in constants} if squares else {}
+        self.inner = set(muls) - tops
+        self.factors = {index: self._folded(self._factors(index)) for index in muls if index in tops}
 
-def _factors(graph: Graph, top: int, kept: set[int]) -> Counter[int]:
-    """Factors of a product, inner products taken apart unless they are to be kept."""
-    nodes, found = graph.nodes, list[int]()
-    stack = list(nodes[top].args)
-    while stack:
-        index = stack.pop()
-        if nodes[index].op == "mul" and index not in kept:
-            stack += nodes[index].args
-        else:
-            found.append(index)
-    return Counter(found)
-
-
-def _folded(graph: Graph, found: Counter[int], roots: dict[str, int]) -> Counter[Factor]:
-    """All constants of a product as one; beside a square, the squares of ``roots`` are taken apart."""
-    constants = [index for index in found.elements() if graph[index].op == "const"]
-    constants.sort(key=lambda k: (graph[k].name, graph[k].value))
-    rest: Counter[Factor] = Counter({index: count for index, count in found.items() if graph[index].op != "const"})
-    if len(constants) == 1 and max(rest.values(), default=0) > 1:
-        return rest + _rooted(graph, constants[0], roots)
-    if len(constants) == 1:
-        rest[constants[0]] += 1
-    elif constants and folded(graph, constants).value != 1.0:
-        rest[folded(graph, constants)] += 1
-    return rest
-
-
-def _rooted(graph: Graph, index: int, roots: dict[str, int]) -> Counter[Factor]:
-    """A constant as the root whose square it holds, twice, and the number that is left; else as it is."""
-    names, plain = taken_apart(graph[index])
-    root = roots.get(product_name(Counter(dict.fromkeys(names, 1)), 1.0)) if set(names.values()) == {2} else None
-    if root is None:
-        return Counter({index: 1})
-    return Counter({root: 2} | ({Folded(plain, "", ""): 1} if plain != 1.0 else {}))
-
-
-def _share(factors: dict[int, Counter[Factor]], ranks: dict[int, int]) -> list[Pair]:
-    """Replace the most frequent pair until none is frequent; returns the pairs in the order made.
-
-    Among equally frequent pairs the one known first is taken, so that what does not change is computed first.
-    """
-    rank: dict[Factor, float] = {
-        factor: float(ranks[factor]) if isinstance(factor, int) else -1.0
-        for held in factors.values()
-        for factor in held
-    }
-    pairs: list[Pair] = []
-    holders: dict[Pair, dict[int, int]] = {}  # how often a product holds a pair, side by side
-    total, met = dict[Pair, int](), dict[Pair, int]()
-    queue: list[tuple[int, float, float, int, Pair]] = []  # the best first; what no longer holds is passed over
-
-    def wanted(pair: Pair) -> None:
-        if total[pair] > 1:
-            a, b = pair
-            heappush(queue, (-total[pair], rank[b], rank[a], met[pair], pair))
-
-    def counted(top: int, among: Collection[Factor]) -> list[Pair]:
-        held = factors[top]
-        found = _pairs(held, rank, among)
-        for pair in found:
-            times = _times(held, pair)
-            holders.setdefault(pair, {})[top] = times
-            met.setdefault(pair, len(met))
-            total[pair] = total.get(pair, 0) + times
+    def _factors(self, top: int) -> Held:
+        """Factors of a product, inner products taken apart unless they are to be kept."""
+        nodes, found = self.nodes, Held()
+        stack = list(nodes[top].args)
+        while stack:
+            index = stack.pop()
+            if nodes[index].op == "mul" and index not in self.kept:
+                stack += nodes[index].args
+            else:
+                found[index] = found.get(index, 0) + 1
         return found
 
-    for top, held in factors.items():
-        counted(top, held)
-    for pair in total:
-        wanted(pair)
-    while queue:
-        times, *_, best = heappop(queue)
-        if -times != total[best]:
-            continue
-        made = Shared(len(pairs))
-        pairs.append(best)
-        rank[made] = max(rank[best[0]], rank[best[1]]) + 1e-3 * len(pairs)
-        changed = {*best, made}
-        for top, times in sorted(holders[best].items()):
-            held = factors[top]
-            for pair in _pairs(held, rank, changed):
-                total[pair] -= holders[pair].pop(top)
-                wanted(pair)
-            for factor in best:
-                held[factor] -= times
-            held[made] += times
-            for factor in best:
-                if not held.get(factor, 1):
-                    del held[factor]
-            for pair in counted(top, changed):
-                wanted(pair)
-    return pairs
+    def _folded(self, found: Held) -> Held:
+        """All constants of a product as one; beside a square, the squares of ``roots`` are taken apart."""
+        constants = [index for index in found if self.nodes[index].op == "const" for _ in range(found[index])]
+        if not constants:
+            return found
+        if len(constants) > 1:
+            found = {index: times for index, times in found.items() if index not in constants}
+            number = folded(self.graph, constants)
+            return found if number.value == 1.0 else found | {self._number(number): 1}
+        return self._rooted(found, constants[0]) if self.roots and max(found.values()) > 1 else found
 
+    def _rooted(self, found: Held, index: int) -> Held:
+        """A constant as the root whose square it holds, twice, and the number that is left; else as it is."""
+        names, plain = taken_apart(self.nodes[index])
+        root = self.roots.get(product_name(Counter(dict.fromkeys(names, 1)), 1.0))
+        if root is None or set(names.values()) != {2}:
+            return found
+        rest = {other: times for other, times in found.items() if other != index}
+        return rest | {root: 2} | ({self._number(Folded(plain, "", "")): 1} if plain != 1.0 else {})
 
-def _times(held: Counter[Factor], pair: Pair) -> int:
-    """How often a product holds a pair of factors."""
-    return held[pair[0]] // 2 if pair[0] == pair[1] else min(held[pair[0]], held[pair[1]])
+    def _number(self, number: Folded) -> Factor:
+        factor = self.numbers.setdefault(number, len(self.nodes) + len(self.numbers))
+        self.rank[factor] = -1.0
+        return factor
 
+    def share(self) -> None:
+        """Make the most frequent pair a factor of its own, again and again until none is frequent.
 
-def _pairs(held: Counter[Factor], rank: dict[Factor, float], among: Collection[Factor]) -> list[Pair]:
-    """Every pair of factors that a product holds and of which one is ``among`` some, the earlier first."""
-    if len(held) < 2 and held.total() < 2:
-        return []
-    distinct = sorted(held, key=str) if len({rank[factor] for factor in held}) < len(held) else list(held)
-    distinct.sort(key=rank.__getitem__)
-    pairs = combinations_with_replacement(distinct, 2)
-    return [(a, b) for a, b in pairs if (a in among or b in among) and (a is not b or held[a] >= 2)]
+        Among equally frequent pairs the one known first is taken, so that what does not change is computed first.
+        """
+        rank, total = self.rank, dict[Pair, int]()
+        holders = defaultdict[Pair, dict[int, int]](dict)  # how often a product holds a pair, side by side
+        queue: list[tuple[int, float, float, Pair]] = []  # the best first; what holds less often by now comes again
 
+        def counted(top: int, among: Collection[Factor]) -> None:
+            for pair, times in self._pairs(self.factors[top], among):
+                total[pair] = total.get(pair, 0) + times
+                holders[pair][top] = times
+                if total[pair] > 1:
+                    heappush(queue, (-total[pair], rank[pair[1]], rank[pair[0]], pair))
 
-def _ranks(pairs: list[Pair], ranks: dict[int, int]) -> dict[Factor, float]:
-    """When nodes and pairs are known: nodes in order, pairs with their later half. Constants are not told: at once."""
-    known: dict[Factor, float] = {index: float(rank) for index, rank in ranks.items()}
-    for number, halves in enumerate(pairs):
-        known[Shared(number)] = max(known.get(half, -1.0) for half in halves) + 1e-3 * (number + 1)
-    return known
+        for top, held in self.factors.items():
+            counted(top, held)
+        while queue:
+            times, later, earlier, best = heappop(queue)
+            if -times != total[best]:
+                if -times > total[best] > 1:
+                    heappush(queue, (-total[best], later, earlier, best))
+                continue
+            made = len(self.nodes) + len(self.numbers) + len(self.pairs)
+            self.pairs[made] = best
+            rank[made] = max(rank[best[0]], rank[best[1]]) + 1e-3 * len(self.pairs)
+            changed = {*best, made}
+            for top, times in sorted(holders[best].items()):
+                held = self.factors[top]
+                for pair, before in self._pairs(held, changed):
+                    total[pair] -= before
+                    del holders[pair][top]
+                held[made] = times
+                for factor in best:
+                    held[factor] -= times
+                for factor in set(best):
+                    if not held[factor]:
+                        del held[factor]
+                counted(top, changed)
 
+    def _pairs(self, held: Held, among: Collection[Factor]) -> list[tuple[Pair, int]]:
+        """Every pair that a product holds and of which one factor is ``among`` some, the earlier first; how often."""
+        distinct = sorted(held, key=self.rank.__getitem__)
+        squares = [((a, a), times // 2) for a, times in held.items() if times > 1 and a in among]
+        pairs = [pair for pair in combinations(distinct, 2) if pair[0] in among or pair[1] in among]
+        return squares + [(pair, min(held[pair[0]], held[pair[1]])) for pair in pairs]
 
-def _rebuild(
-    graph: Graph,
-    order: list[int],
-    factors: dict[int, Counter[Factor]],
-    pairs: list[Pair],
-    ranks: dict[int, int],
-) -> tuple[Graph, dict[int, int]]:
-    new, moved = Graph(), dict[int, int]()
-    inner = {index for index in order if graph[index].op == "mul"} - factors.keys()
-    known = _ranks(pairs, ranks)
+    def rebuild(self) -> tuple[Graph, dict[int, int]]:
+        """The new graph, and where its nodes are by the old ones' and by factors."""
+        new, moved = Graph(), dict[Factor, int]()
+        numbers = {factor: number for number, factor in self.numbers.items()}
 
-    def place(factor: Factor) -> int:
-        if isinstance(factor, int):
-            return new.adopt(graph[factor], []) if graph[factor].op == "const" else moved[factor]
-        if isinstance(factor, Shared):
-            a, b = (place(half) for half in pairs[factor.number])
-            return new.op("mul", a, b)
-        return new.const(factor.value, factor.name, factor.formula)
+        def place(factor: Factor) -> int:
+            if factor not in moved:
+                if factor in self.pairs:
+                    a, b = map(place, self.pairs[factor])
+                    moved[factor] = new.op("mul", a, b)
+                elif factor in numbers:
+                    moved[factor] = new.const(*numbers[factor])
+                else:  # a named constant, the root of a square
+                    moved[factor] = new.adopt(self.nodes[factor], [])
+            return moved[factor]
 
-    for index in order:
-        if index in inner:
-            continue
-        if index in factors:
-            held = sorted(factors[index].elements(), key=lambda factor: known.get(factor, -1.0))
-            nodes = [place(factor) for factor in held]
-            value = nodes[0]
-            for node in nodes[1:]:
-                value = new.op("mul", value, node)
-            moved[index] = value
-        else:
-            moved[index] = new.adopt(graph[index], [moved[arg] for arg in graph[index].args])
-    return new, moved
+        for index in self.order:
+            if index in self.factors:
+                held = self.factors[index]
+                value, *others = (place(f) for f in sorted(held, key=self.rank.__getitem__) for _ in range(held[f]))
+                for other in others:
+                    value = new.op("mul", value, other)
+                moved[index] = value
+            elif index not in self.inner:
+                moved[index] = new.adopt(self.nodes[index], [moved[arg] for arg in self.nodes[index].args])
+        return new, moved

@@ -28,10 +28,10 @@ def share_reciprocals(graph: Graph, roots: list[int]) -> tuple[Graph, dict[int, 
     ['input', 'input', 'const', 'div', 'mul', 'input', 'mul']
     """
     order = graph.reachable(roots)
-    uses = Counter(graph[index].args[1] for index in order if graph[index].op == "div")
+    uses = Counter(graph.nodes[index].args[1] for index in order if graph.nodes[index].op == "div")
     new, moved = Graph(), dict[int, int]()
     for index in order:
-        node = graph[index]
+        node = graph.nodes[index]
         args = [moved[arg] for arg in node.args]
         if node.op == "div" and uses[node.args[1]] > 1:
             moved[index] = new.op("mul", args[0], new.op("div", new.const(1.0), args[1]))
@@ -61,18 +61,18 @@ def spend_reciprocals(graph: Graph, roots: list[int]) -> tuple[Graph, dict[int, 
     'div'
     """
     order = graph.reachable(roots)
-    uses = Counter(arg for index in order for arg in graph[index].args)
+    uses = Counter(arg for index in order for arg in graph.nodes[index].args)
     uses.update(roots)
     new, moved = Graph(), dict[int, int]()
     for index in order:
-        node = graph[index]
+        node = graph.nodes[index]
         for a, r in (node.args, node.args[::-1]) if node.op == "mul" else ():
-            inverse = graph[r]
+            inverse = graph.nodes[r]
             if (
                 inverse.op == "div"
                 and uses[r] == 1
-                and graph[inverse.args[0]].op == "const"
-                and graph[inverse.args[0]].value == 1.0
+                and graph.nodes[inverse.args[0]].op == "const"
+                and graph.nodes[inverse.args[0]].value == 1.0
             ):
                 moved[index] = new.op("div", moved[a], moved[inverse.args[1]])
                 break

@@ -10,8 +10,8 @@ from codegen.ir.graph import Graph
 #: Constants that were multiplied in another order are the same constant.
 SAME = 1e-14
 
-#: The factors of a product that are no constants, to look products up by.
-Key = frozenset[tuple[int, int]]
+#: The factors of a product that are no constants, in order, each as often as it is held.
+Factors = tuple[int, ...]
 
 
 def reuse_products(graph: Graph, roots: list[int]) -> tuple[Graph, dict[int, int]]:
@@ -36,14 +36,14 @@ def reuse_products(graph: Graph, roots: list[int]) -> tuple[Graph, dict[int, int
     3
     """
     order = graph.reachable(roots)
-    uses = Counter(arg for index in order for arg in graph[index].args)
+    uses = Counter(arg for index in order for arg in graph.nodes[index].args)
     uses.update(roots)
-    parts = {index: _parts(graph, index) for index in order if graph[index].op == "mul"}
-    known, least = defaultdict[Key, list[int]](list), defaultdict[int, list[tuple[int, int]]](list)
+    parts = {index: _parts(graph, index) for index in order if graph.nodes[index].op == "mul"}
+    known, least = defaultdict[Factors, list[int]](list), defaultdict[int, list[tuple[int, int]]](list)
     for place, (index, (_, factors)) in enumerate(parts.items()):
-        known[frozenset(factors.items())].append(index)
+        known[factors].append(index)
         if factors:
-            least[min(factors)].append((place, index))
+            least[factors[0]].append((place, index))
     instead, kept, gone = dict[int, tuple[int, int]](), set[int](), set[int]()
     for index in parts:
         inner = _inner(graph, index, uses)
@@ -56,7 +56,7 @@ def reuse_products(graph: Graph, roots: list[int]) -> tuple[Graph, dict[int, int
     return _rebuild(graph, order, instead)
 
 
-def _parts(graph: Graph, top: int) -> tuple[float, Counter[int]]:
+def _parts(graph: Graph, top: int) -> tuple[float, Factors]:
     """A product's constants as one number, and its other factors, inner products taken apart."""
     nodes, number, found, stack = graph.nodes, 1.0, list[int](), [top]
     while stack:
@@ -68,15 +68,15 @@ def _parts(graph: Graph, top: int) -> tuple[float, Counter[int]]:
             number *= node.value
         else:
             found.append(index)
-    return number, Counter(found)
+    return number, tuple(sorted(found))
 
 
 def _inner(graph: Graph, top: int, uses: Counter[int]) -> set[int]:
     """Products that serve this one alone."""
-    found, stack = set[int](), [top]
+    nodes, found, stack = graph.nodes, set[int](), [top]
     while stack:
-        for arg in graph[stack.pop()].args:
-            if graph[arg].op == "mul" and uses[arg] == 1:
+        for arg in nodes[stack.pop()].args:
+            if nodes[arg].op == "mul" and uses[arg] == 1:
                 found.add(arg)
                 stack.append(arg)
     return found
@@ -84,8 +84,8 @@ def _inner(graph: Graph, top: int, uses: Counter[int]) -> set[int]:
 
 def _pair(
     top: int,
-    parts: dict[int, tuple[float, Counter[int]]],
-    known: dict[Key, list[int]],
+    parts: dict[int, tuple[float, Factors]],
+    known: dict[Factors, list[int]],
     least: dict[int, list[tuple[int, int]]],
     barred: tuple[set[int], set[int]],
 ) -> tuple[int, int] | None:
@@ -95,11 +95,12 @@ def _pair(
     """
     number, factors = parts[top]
     inner, gone = barred
-    for _, first in sorted(pair for factor in factors for pair in least.get(factor, ())):
+    for _, first in sorted(pair for factor in set(factors) for pair in least.get(factor, ())):
         one, some = parts[first]
-        if first == top or first in inner or first in gone or not _held(some, factors):
+        if first == top or first in inner or first in gone:
             continue
-        for second in known.get(frozenset((factors - some).items()), ()):
+        rest = _without(factors, some)
+        for second in known.get(rest, ()) if rest is not None else ():
             if (
                 second not in inner
                 and second not in gone
@@ -109,18 +110,23 @@ def _pair(
     return None
 
 
-def _held(some: Counter[int], factors: Counter[int]) -> bool:
-    """Whether a product's factors are among another's; ``<=`` of counters would look at both."""
-    return all(factors.get(factor, 0) >= times for factor, times in some.items())
+def _without(factors: Factors, some: Factors) -> Factors | None:
+    """What a product holds beside some factors; None if it does not hold them."""
+    rest = list(factors)
+    for factor in some:
+        if factor not in rest:
+            return None
+        rest.remove(factor)
+    return tuple(rest)
 
 
 def _rebuild(graph: Graph, order: list[int], instead: dict[int, tuple[int, int]]) -> tuple[Graph, dict[int, int]]:
-    new, moved = Graph(), dict[int, int]()
+    nodes, new, moved = graph.nodes, Graph(), dict[int, int]()
 
     def place(index: int) -> int:
         if index not in moved:
-            args = [place(arg) for arg in instead.get(index, graph[index].args)]
-            moved[index] = new.adopt(graph[index], args)
+            args = [place(arg) for arg in instead.get(index, nodes[index].args)]
+            moved[index] = new.adopt(nodes[index], args)
         return moved[index]
 
     for index in order:

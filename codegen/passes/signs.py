@@ -33,7 +33,7 @@ def pull_signs(graph: Graph, roots: list[int]) -> tuple[Graph, dict[int, int]]:
     wanted = set(roots)
     names = {node.value: node for node in graph.nodes if node.op == "const" and node.name}
     for index in graph.reachable(roots):
-        node = graph[index]
+        node = graph.nodes[index]
         signed[index] = _signed(new, graph, index, signed, names)
         negative, value = signed[index]
         if negative and index in wanted:
@@ -47,7 +47,7 @@ def pull_signs(graph: Graph, roots: list[int]) -> tuple[Graph, dict[int, int]]:
 def _signed(
     new: Graph, graph: Graph, index: int, signed: dict[int, tuple[bool, int]], names: dict[float, Node]
 ) -> tuple[bool, int]:
-    node = graph[index]
+    node = graph.nodes[index]
     args = [signed[arg] for arg in node.args]
     if node.op == "const" and node.value < 0 and not node.name:
         known = names.get(-node.value)  # a named constant lost its name when its sign was folded in

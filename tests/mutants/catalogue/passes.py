@@ -60,7 +60,12 @@ PASS = (
             "best = max(",
             pass_checks("share_products")[1:],
         ),
-        ("last pass twice", "self.run(passes[:-1])", "self.run(passes[:-2])", PIPELINE),
+        (
+            "last pass twice",
+            "graph, roots = self.run(passes[:-1])\n            new",
+            "graph, roots = self.run(passes[:-2])\n            new",
+            PIPELINE,
+        ),
     ),
     *of(
         "passes",
@@ -111,17 +116,17 @@ PASS = (
         "codegen/passes/products.py",
         (
             "a factor once",
-            "    return Counter(found)",
-            "    return Counter(dict.fromkeys(found, 1))",
+            "found[index] = found.get(index, 0) + 1",
+            "found[index] = 1",
             pass_checks("share_products"),
         ),
         (
             "constants forgotten",
-            "        rest[folded(graph, constants)] += 1\n",
-            "        pass\n",
+            "return found if number.value == 1.0 else found | {self._number(number): 1}",
+            "return found",
             pass_checks("share_products"),
         ),
-        ("pair put in once too seldom", "held[made] += times", "held[made] += 1", pass_checks("share_products")),
+        ("pair put in once too seldom", "held[made] = times", "held[made] = 1", pass_checks("share_products")),
     ),
     *of(
         "passes",
@@ -134,8 +139,8 @@ PASS = (
         ),
         (
             "two is one",
-            "graph[inverse.args[0]].value == 1.0",
-            "graph[inverse.args[0]].value > 0.0",
+            "graph.nodes[inverse.args[0]].value == 1.0",
+            "graph.nodes[inverse.args[0]].value > 0.0",
             pass_checks("reciprocals"),
         ),
         (
@@ -162,8 +167,8 @@ PASS = (
         ),
         (
             "a factor left over",
-            "known.get(frozenset((factors - some).items()), ())",
-            "known.get(frozenset(some.items()), ())",
+            "rest = _without(factors, some)",
+            "rest = some",
             pass_checks("reuse_products"),
         ),
     ),
