@@ -101,24 +101,23 @@ def turns_freely(model: StateSpaceModel) -> bool:
     h = ca.Function("h", [model.x], [model.numeric(model.h)])
     G = [ca.Function("G", model.arguments, [model.numeric(ca.densify(column))]) for column in model.G.values()]
     rng = np.random.default_rng(1)
-    for _ in range(DRAWS):
-        x, *inputs = (rng.normal(size=column.numel()) for column in model.arguments)
-        angle = float(rng.uniform(-3, 3))
-        moved, image = _turned(x, angle, model.angle), _call(f, x, *inputs)
-        turned = [_turned(vector, angle) for vector in inputs]
-        after = _call(f, moved, *turned)
-        pairs = [(_turned(image, angle, model.angle), after)]
-        pairs.append((_turned(_call(h, x), angle), _call(h, moved)))
-        pairs += [(_turned(_call(column, x, *inputs), angle), _call(column, moved, *turned)) for column in G]
-        for expected, found in pairs:
-            if np.max(np.abs(expected - found)) > ROUNDING * max(1.0, float(np.max(np.abs(expected)))):
-                return False
-    return True
+    x, *inputs = (rng.normal(size=(column.numel(), DRAWS)) for column in model.arguments)
+    angle = rng.uniform(-3, 3, size=DRAWS)
+    moved, image = _turned(x, angle, model.angle), _call(f, x, *inputs)
+    turned = [_turned(vector, angle) for vector in inputs]
+    pairs = [(_turned(image, angle, model.angle), _call(f, moved, *turned))]
+    pairs.append((_turned(_call(h, x), angle), _call(h, moved)))
+    pairs += [(_turned(_call(column, x, *inputs), angle), _call(column, moved, *turned)) for column in G]
+    return not any(
+        np.any(np.abs(expected - found) > ROUNDING * np.maximum(1.0, np.max(np.abs(expected), axis=0)))
+        for expected, found in pairs
+    )
 
 
-def _turned(vector: Any, angle: float, shifted: int | None = None) -> Any:
+def _turned(vector: Any, angle: Any, shifted: int | None = None) -> Any:
+    """Vectors side by side, each turned by its own angle."""
     c, s = np.cos(angle), np.sin(angle)
-    result = np.array(vector, dtype=float)
+    result = np.array(vector)
     result[:2] = c * vector[0] - s * vector[1], s * vector[0] + c * vector[1]
     if shifted is not None:
         result[shifted] += angle
@@ -126,4 +125,4 @@ def _turned(vector: Any, angle: float, shifted: int | None = None) -> Any:
 
 
 def _call(function: Any, *args: Any) -> Any:
-    return np.array(function(*args), dtype=float).ravel()
+    return np.array(function(*args))

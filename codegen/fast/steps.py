@@ -18,9 +18,9 @@ from codegen.fast.turns import split_turns, spread_of
 from codegen.ir.covariance import place
 from codegen.ir.expr import Expr, GraphBlock, GraphBuilder, dot, sum_of
 from codegen.passes import PIPELINES, Pipelines, run_passes, weight
-from model.filters import build_filter
 from model.filters.conditions import ACCEPTED
 from model.filters.cubature import CUBATURE, Rule
+from model.filters.ickf import idle_iteration_proof, iterate
 from model.filters.inverter import f_inputs, inverter_calls
 from model.filters.program import Call, Copy, FilterStep, Guard, If, Node, Repeat, Turns, wrap_angle
 from model.filters.ukf import UNSCENTED
@@ -48,11 +48,15 @@ EVERYTHING = Options()
 
 def build_fast_filter(model: StateSpaceModel, kind: str, gain: str, options: Options = EVERYTHING) -> FilterStep:
     """The step of a filter, equal to :func:`model.filters.build_filter`'s up to rounding."""
-    literal = build_filter(model, kind, gain)
-    builders = _builders(model, kind, literal.gain, options)
-    if kind == "ickf" and literal.iteration_proof is None:
-        *iterate, finish = _cheapest([builder.loop() for builder in builders], options)
-        *head, call = _calls(iterate)
+    _ = model.constants  # which appear in one order then, whatever asks for them first
+    if kind == "ickf":
+        proof = idle_iteration_proof(model, iterate(model, gain))
+    else:
+        gain, proof = "cubature" if RULES[kind] else "jacobian", None
+    builders = _builders(model, kind, gain, options)
+    if kind == "ickf" and proof is None:
+        *passes, finish = _cheapest([builder.loop() for builder in builders], options)
+        *head, call = _calls(passes)
         assert not any(port.name == "x_j" for turns in head for port in turns.block.inputs), (
             "a turn that moves with x^j"
         )
@@ -64,7 +68,7 @@ def build_fast_filter(model: StateSpaceModel, kind: str, gain: str, options: Opt
     choice = If(ACCEPTED, (*update, average()), (Call(builders[0].coast()),))
     before: tuple[Node, ...] = (Guard(), *inverter_calls(model), *time_update)
     body: tuple[Node, ...] = (*before, watch_pivots(model), choice, *look_at_result(model), wrap_angle(model))
-    return FilterStep(kind, literal.gain, model, body, literal.iteration_proof, covariance="LD")
+    return FilterStep(kind, gain, model, body, proof, covariance="LD")
 
 
 def _calls(blocks: list[GraphBlock]) -> tuple[Call, ...]:

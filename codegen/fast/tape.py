@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import casadi as ca
@@ -50,7 +51,7 @@ class Tape:
         constants = [b.graph.const(k.value, k.name, k.formula) for k in self.constants]
         return [*([value.node for value in vector] for vector in inputs), constants]
 
-    @property
+    @cached_property
     def function(self) -> Any:
         """The CasADi function behind the tape."""
         symbols = ca.vertcat(*(constant.symbol for constant in self.constants))

@@ -45,13 +45,13 @@ def build_ickf(model: StateSpaceModel, gain: str = "cubature") -> FilterStep:
     gain : str, optional
         "cubature" or "jacobian"; matters to the ICKF alone.
     """
-    iterate = _iterate(model, gain)
-    proof = idle_iteration_proof(model, iterate)
+    one = iterate(model, gain)
+    proof = idle_iteration_proof(model, one)
     if proof is not None:
         update: tuple[Node, ...] = (Call(_single_pass(model, gain)),)
     else:
         head: tuple[Node, ...] = (Call(_factor(model)),) if gain == "cubature" else ()
-        update = (*head, Copy("x_j", "x_pred"), Repeat((Call(iterate),)), Call(_finish(model)))
+        update = (*head, Copy("x_j", "x_pred"), Repeat((Call(one),)), Call(_finish(model)))
     before = (*inverter_calls(model), Call(time_update(model)))
     choice = If(ACCEPTED, update, (Call(coast(model)),))
     step: tuple[Node, ...] = (Guard(), *before, choice, wrap_angle(model))
@@ -110,8 +110,15 @@ def _factor(model: StateSpaceModel) -> Block:
     return b.build()
 
 
-def _iterate(model: StateSpaceModel, which: str) -> Block:
-    """One iterate, eq. 28-31 and the norm of 33."""
+def iterate(model: StateSpaceModel, which: str) -> Block:
+    """One iterate, eq. 28-31 and the norm of 33.
+
+    Parameters
+    ----------
+    model : StateSpaceModel
+    which : str
+        The gain: "cubature" or "jacobian".
+    """
     b = BlockBuilder("ickf_iterate", "One iterate, eq. 28-33")
     spread_from = "S_pred" if which == "cubature" else "P_pred"
     arrays = _inputs(b, model, ["x_j", "x_pred", spread_from, "R", "y"])

@@ -80,17 +80,20 @@ class StateSpaceModel:
 
     @property
     def constants(self) -> list[Constant]:
-        """The folded constants that f, h, G and bounds use, in order of appearance."""
-        _ = self.f_commanded, self.h, self.G, self.kept(ca.vertsplit(self.x))
+        """The folded constants that h, bounds, f and G use, in order of appearance."""
+        _ = self._users_of_constants
         return list(self._constants.items.values())
+
+    @cached_property
+    def _users_of_constants(self) -> tuple[Any, ...]:
+        return self.h, self.kept(ca.vertsplit(self.x)), self.f_commanded, self.G
 
     def numeric(self, expression: Any) -> Any:
         """``expression`` with the folded constants' symbols replaced by their numbers.
 
         Parameters
         ----------
-        expression : object
-            A CasADi expression.
+        expression : SX
         """
         return self._constants.numeric(expression)
 
@@ -345,8 +348,7 @@ def build(drive: Drive, parameters: Parameters | None = None, constants: Constan
     parameters : Parameters, optional
         Defaults to the drive's numbers; pass ``Parameters.symbolic()`` to derive with letters.
     constants : Constants, optional
-        Collects what is folded. By default constants have names if the parameters are numbers, and are written out
-        otherwise.
+        Collects what is folded. By default constants have names if the parameters are numbers, else none.
     """
     wrong = _wrong_data(drive) if parameters is None else None
     constants = constants or Constants(named=parameters is None)
