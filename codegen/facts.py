@@ -12,6 +12,7 @@ from codegen.evidence.ledger import Ledger
 from codegen.evidence.measure import Record
 from codegen.output.version import __version__
 from codegen.render.drive import plant_data
+from codegen.render.filter import Description
 from codegen.render.selftest import SelfTest
 from codegen.targets.description import Prices
 from model.filters import FilterStep
@@ -40,8 +41,7 @@ def identity(drive: Drive, model: StateSpaceModel, steps: dict[str, FilterStep])
 
 
 def facts(
-    drive: Drive,
-    model: StateSpaceModel,
+    about: Description,
     steps: dict[str, FilterStep],
     accounts: dict[str, Account],
     measured: dict[str, Record],
@@ -52,8 +52,7 @@ def facts(
 
     Parameters
     ----------
-    drive : Drive
-    model : StateSpaceModel
+    about : Description
     steps : dict of str to FilterStep
         By filter kind, as accounts and figures.
     accounts : dict of str to Account
@@ -63,8 +62,9 @@ def facts(
     tests : dict of str to SelfTest
         By C name without the drive's.
     """
+    drive = about.drive
     return {
-        **identity(drive, model, steps),
+        **identity(drive, about.model, steps),
         "filters": {
             kind: {
                 "gain": step.gain,
@@ -82,7 +82,7 @@ def facts(
             for kind, step in steps.items()
         },
         "measured": measured,
-        "plant": {"motor": plant_data(drive)},
+        "plant": {"motor": plant_data(about)},
     }
 
 

@@ -123,7 +123,7 @@ def generate(drive: Drive, samples: int = SAMPLES, measurer: Measurer | None = N
     )
     measured = measure(accounts, files, measurer or Measurer())
     files["REPORT.md"] = render_report(about, steps, accounts, measured, figures, tests)
-    about_it = facts(drive, model, steps, accounts, measured, figures, tests)
+    about_it = facts(about, steps, accounts, measured, figures, tests)
     return Package(drive, model, steps, with_manifest(files, about_it), accounts)
 
 
@@ -142,7 +142,7 @@ def generate_bare(drive: Drive, form: str = "fast") -> Package:
     files = {**print_c(made.about, made.steps, made.listings), f"{drive.name}.py": made.module}
     known = identity(drive, made.about.model, made.steps) | {
         "filters": {kind: {"gain": step.gain} for kind, step in made.steps.items()},
-        "plant": {"motor": plant_data(drive)},
+        "plant": {"motor": plant_data(made.about)},
     }
     return Package(drive, made.about.model, made.steps, with_manifest(files, known))
 

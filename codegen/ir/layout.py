@@ -143,7 +143,7 @@ def lay_out(block: Block, constants: Sequence[Constant], any_angle: bool = False
 def _to_graph(block: Block, constants: Sequence[Constant]) -> tuple[Graph, dict[str, list[int]], dict[str, list[int]]]:
     graph = Graph()
     ports = [ca.vertcat(*port.entries) for port in block.inputs]
-    results = [ca.vertcat(*(ca.SX(entry) for entry in item)) for item in _results(block)]
+    results = [ca.SX(ca.vertcat(*item)) for item in _results(block)]
     symbolic = [constant for constant in constants if constant.symbol is not None]
     symbols = [ca.vertcat(*(constant.symbol for constant in symbolic))] if symbolic else []
     function = ca.Function(block.name, [*ports, *symbols], [ca.densify(result) for result in results])

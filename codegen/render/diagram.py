@@ -9,7 +9,7 @@ from __future__ import annotations
 import textwrap
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from xml.sax.saxutils import escape
+from html import escape
 
 from model.supervisor.words import Mode, Supervisor, Transition
 
@@ -183,7 +183,7 @@ def render_diagram(machine: Supervisor, drive: str, stays: dict[str, str]) -> st
         f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {_n(width)} {_n(bottom + FOOT)}" '
         f'width="{_n(width)}" height="{_n(bottom + FOOT)}" font-family="Helvetica, Arial, sans-serif" '
         f'font-size="12" fill="{INK}" role="img">',
-        f"<title>{escape(drive)}: modes of the drive</title>",
+        f"<title>{escape(drive, quote=False)}: modes of the drive</title>",
         f'<rect width="100%" height="100%" rx="8" fill="{PAPER}"/>',
         _text(MARGIN, 32, f"{drive}: modes of the drive", 'font-size="14" font-weight="bold"'),
         *_power_up(left + WIDTH - 76),
@@ -201,7 +201,7 @@ def _n(value: float) -> str:
 
 
 def _text(x: float, y: float, words: str, style: str = "") -> str:
-    return f'<text x="{_n(x)}" y="{_n(y)}"{" " + style if style else ""}>{escape(words)}</text>'
+    return f'<text x="{_n(x)}" y="{_n(y)}"{" " + style if style else ""}>{escape(words, quote=False)}</text>'
 
 
 def _power_up(x: float) -> list[str]:
@@ -244,7 +244,7 @@ def _draw_numbers(arc: Arc, left: float) -> list[str]:
     for (number, transition), y in zip(arc.numbers, arc.places, strict=True):
         where = transition.target or "stays"
         parts += [
-            f"<g><title>{number}: {transition.source}, {where}: {escape(transition.why)}</title>",
+            f"<g><title>{number}: {transition.source}, {where}: {escape(transition.why, quote=False)}</title>",
             f'<circle cx="{_n(x)}" cy="{_n(y)}" r="{RADIUS}" fill="{PAPER}" stroke="{arc.colour}"/>',
             _text(x, y + 3.5, str(number), f'font-size="10" text-anchor="middle" fill="{arc.colour}"') + "</g>",
         ]

@@ -238,19 +238,20 @@ def plant_constants(drive: Drive) -> list[Constant]:
     return [RUNGE_KUTTA, *(constant for constant in of_p if not is_round(constant.value))]
 
 
-def plant_data(drive: Drive) -> list[str]:
+def plant_data(about: Description) -> list[str]:
     """Which of the motor's data its equations read: a surface machine has one inductance.
 
     Parameters
     ----------
-    drive : Drive
+    about : Description
 
     Returns
     -------
     list of str
         Those of :data:`model.loop.plant.MOTOR` that are read, in its order.
     """
-    found = {name for listing in plant_listings(drive).values() for _, name in listing.used_inputs.get("motor", [])}
+    listings = about.once("plant", lambda: plant_listings(about.drive))
+    found = {name for listing in listings.values() for _, name in listing.used_inputs.get("motor", [])}
     return [name for name in MOTOR if name in found]
 
 

@@ -161,6 +161,8 @@ def wrap_line(text: str, indent: str, hanging: str) -> str:
     hanging : str
         Blanks that the others have more.
     """
+    if len(indent) + len(text) <= WIDTH:
+        return (indent + text).replace("\0", " ")
     glued = re.sub(r"(?<!\0)\([^()]{1,60}\)", lambda match: unbroken(match.group()), text)
     glued = glued.replace(" * ", unbroken(" * ")).replace(" / ", unbroken(" / "))
     lines = textwrap.wrap(
