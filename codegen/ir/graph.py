@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import math
 import operator
-from collections import defaultdict
 from collections.abc import Callable, Iterable
 from typing import Any, NamedTuple, Protocol, TypeVar
 
@@ -61,8 +60,6 @@ class Graph:
         self.told: dict[float, tuple[str, str]] = {}
         self._index: dict[tuple[Any, ...], int] = {}
         self._constants: dict[int, float] = {}
-        #: By operation and operands, in either order where that is no matter.
-        self._operations = defaultdict[str, dict[tuple[int, ...], int]](dict)
         #: What roots depend on, by roots: nodes never change, and several passes begin at one graph.
         self._reachable: dict[tuple[int, ...], tuple[int, ...]] = {}
 
@@ -126,21 +123,19 @@ class Graph:
         int
             The node.
         """
-        known = self._operations[op]
-        index = known.get(args)
+        constants = self._constants
+        for arg in args:
+            if arg in constants:
+                simplified = self._rewrite(op, args)
+                if simplified is not None:
+                    return simplified
+                break
+        key = (op, args[1], args[0]) if op in COMMUTATIVE and args[0] > args[1] else (op, *args)
+        index = self._index.get(key)
         if index is None:
-            index = known[args] = self._new(op, args)
-            if op in COMMUTATIVE:
-                known[args[::-1]] = index
+            index = self._index[key] = len(self.nodes)
+            self.nodes.append(Node(op, args))
         return index
-
-    def _new(self, op: str, args: tuple[int, ...]) -> int:
-        if not self._constants.keys().isdisjoint(args):
-            simplified = self._rewrite(op, args)
-            if simplified is not None:
-                return simplified
-        self.nodes.append(Node(op, args))
-        return len(self.nodes) - 1
 
     def named(self, known: dict[float, tuple[str, str]]) -> Graph:
         """A graph of the same nodes in which these numbers have a name and a formula, if they had none.
@@ -153,7 +148,6 @@ class Graph:
         new = Graph()
         new.told = self.told
         new.folds, new._index, new._constants = self.folds, dict(self._index), dict(self._constants)
-        new._operations.update((op, dict(known)) for op, known in self._operations.items())
         for node in self.nodes:
             nameless = node.op == "const" and not node.name
             name, formula = known.get(node.value, ("", "")) if nameless else (node.name, node.formula)
@@ -174,9 +168,9 @@ class Graph:
         int
             The node in this graph.
         """
-        if node.args:
-            return self.op(node.op, *args)
-        return self.input(node.name) if node.op == "input" else self.const(node.value, node.name, node.formula)
+        if node.op == "input":
+            return self.input(node.name)
+        return self.const(node.value, node.name, node.formula) if node.op == "const" else self.op(node.op, *args)
 
     def _rewrite(self, op: str, args: tuple[int, ...]) -> int | None:
         constants = [self._constants.get(arg) for arg in args]
