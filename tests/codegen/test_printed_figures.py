@@ -17,7 +17,7 @@ import pytest
 from codegen.evidence.box import sample_box
 from codegen.evidence.certificate import Certificate, certify, certify_chip
 from codegen.evidence.fpu32 import FPU32, Flushed
-from codegen.evidence.ledger import Program
+from codegen.evidence.ledger import RECIPROCAL, Program
 from codegen.evidence.recording import execute
 from model.drives.load import load_drive
 from model.machines.state_space import build
@@ -41,7 +41,7 @@ def test_operations_are_those_of_the_text(made: Made) -> None:
         program = Program(made.files, f"{stem}.c", f"{stem}_foc.c")
         counted = program.count(function, made.drive.filter.max_iterations)
         assert [int(cell) for cell in table[row]] == [counted[name] for name in OPERATIONS]
-        assert facts["operations"] == {name: counted[name] for name in OPERATIONS}
+        assert facts["operations"] == {name: counted[name] for name in (*OPERATIONS, RECIPROCAL)}
     assert made.facts["filters"]["ckf"]["operations"]["add"] < made.facts["filters"]["ckf"]["controller"][
         "operations"]["add"]  # fmt: skip
     assert f"every loop over N_max taken {made.drive.filter.max_iterations} times" in made.report

@@ -204,7 +204,7 @@ def test_a_choice_that_takes_the_other_number_is_another_program(old: str, new: 
 
 @pytest.mark.parametrize("drive", ["paper_spmsm", *thoroughly("ipmsm_flux", "ipmsm_adaptive")])
 def test_it_stays_with_the_form_without_the_option(drive: str, base: Path) -> None:
-    """In float64 both polynomials are exact to rounding: no step tells the forms apart if both iterate on."""
+    """In float64, where both polynomials are exact to rounding, no step tells two forms apart that both iterate on."""
     one, two = GeneratedFolder(GENERATED / drive), folder_of(drive, base)
     recording = RECORDINGS[""](one, 200)
     u, y = (np.concatenate([s.inputs for s in recording.segments])[:100, k : k + 2] for k in (0, 2))
