@@ -150,16 +150,12 @@ def test_not_converged_where_nothing_is_iterated() -> None:
 
 
 def test_covariance_repaired_alone(both: Both) -> None:
-    """A variance below zero, as a bit that fell over makes it: of the state that is factored last.
-
-    One that is factored earlier has columns divided by its floor, which may make the next state absurdly large.
-    """
+    """The variance that is factored first below zero, as a bit that fell over makes it."""
     u, y = healthy(both.drive)
     both.run(u[:10], y[:10])
-    states = [state.name for state in build(both.drive).states]
-    last = states.index((both.drive.filter.root_order or states)[-1])
-    word = last * (last + 3) // 2  # rows of the lower triangle, one behind the other
-    both.set(both.module.COVARIANCE, word, -2 * both.drive.filter.process_noise[last])
+    first = both.module.ORDER[0]
+    word = both.module.VARIANCES[first]
+    both.set(both.module.COVARIANCE, word, -2 * both.drive.filter.process_noise[first])
     status = both.run(u[10:], y[10:])
     assert status[0] & ~BITS["NOT_CONVERGED"] == BITS["COVARIANCE_REPAIRED"]
     assert not np.any(status[5:] & BITS["COVARIANCE_REPAIRED"])
