@@ -163,7 +163,7 @@ def test_the_inverters_voltage_may_be_a_state() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("name", "lost"), [(PLAIN, 0), ("ipmsm_adaptive", 0)])
+@pytest.mark.parametrize(("name", "lost"), [(PLAIN, 0), ("ipmsm_adaptive", 2)])
 def test_a_drive_that_is_not_told_is_far_off(name: str, lost: int) -> None:
     found = figures(name, NOTHING)
     assert {"start", "load", "angle_after_start"} <= beyond(found, WANTED), found
