@@ -86,8 +86,8 @@ def test_the_page_has_the_runtimes_bits(drive: str, kind: str, tmp_path: Path) -
     nu = np.array(json.loads(_told(dom, "nu"))).T
     sigma = np.sqrt(found.innovations.S[:, [0, 2]])
     apart = np.max(np.abs(nu - found.innovations.nu) / sigma, axis=1)
-    if drive == "ipmsm_flux":  # replay tells y less the points' mean, which is h(x) once P is small
-        assert np.max(apart[STEPS // 2 :]) < 0.05
+    if drive == "ipmsm_flux":  # replay tells y less the points' mean, which is h(x) but for what bends within P
+        assert np.max(apart[STEPS // 2 :]) < 0.1
     else:
         assert np.max(apart) < 1e-3
     assert dom.count('viewBox="0 0 720 170"') == ours.x.shape[1] + 1, "a figure a state, and the innovations"

@@ -14,11 +14,17 @@ from runtime.design.facts import EXAMPLE, SECTIONS, parse_facts
 from runtime.system.errors import UserError
 
 SERVO = tomllib.loads((DRIVES / "servo_24v.toml").read_text(encoding="utf-8"))
-#: Of no key the right one.
+#: Of no key the right one, but for a list of no adaptive states, a choice of yes and no, and a target's name: which
+#: names there are is not for the drive file's reader to know; generate refuses "x".
 WRONG = (
     *("x", "1", "", True, False, [], {}, [1, "x"], [True], ["1"], float("nan"), float("inf"), 1e308, -1e308),
     *(10**400, -1, tomllib.loads("t = 1979-05-27")["t"]),
 )
+RIGHT = [
+    ("model", "adaptive", []),
+    *(("target", "constant_time", yes) for yes in (True, False)),
+    ("target", "name", "x"),
+]
 FILES: list[tuple[Any, Any, Callable[[Any], Any]]] = [
     (_SECTIONS, SERVO, lambda tables: parse_drive(tables, "d.toml")),
     (SECTIONS, EXAMPLE, lambda tables: parse_facts(tables, "f.toml")),
@@ -42,14 +48,12 @@ def test_every_key_of_another_type_or_beyond_its_range(sections: Any, whole: Any
             _, low, high = accepted_range(section, key)
             beyond = [] if low is None or high is None else [low - abs(low) * 1e-6 - 1e-9, high * (1 + 1e-6)]
             for value in (*WRONG, *beyond):
-                if (value, key) != ([], "adaptive") and not refused(
-                    parse, {**whole, title: {**whole.get(title, {}), key: value}}
-                ):
+                if not refused(parse, {**whole, title: {**whole.get(title, {}), key: value}}):
                     taken.append((title, key, value))
         for value in (1, "x", [], True, [{}]):
             if not refused(parse, {**whole, title: value}):
                 taken.append((title, value))
-    assert taken == []
+    assert all(entry in RIGHT for entry in taken), [entry for entry in taken if entry not in RIGHT]
 
 
 @pytest.mark.parametrize(
