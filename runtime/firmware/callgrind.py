@@ -71,7 +71,10 @@ def _counted(options: Sequence[str], program: Path, function: str, arguments: Se
     if valgrind is None:
         raise MissingTool("valgrind", "valgrind")
     command = [valgrind, "--tool=callgrind", f"--toggle-collect={function}", *options, str(program), *arguments]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=PATIENCE, check=False)
+    try:
+        done = subprocess.run(command, capture_output=True, text=True, timeout=PATIENCE, check=False)
+    except subprocess.TimeoutExpired:
+        raise UserError(f"callgrind on '{program.name}' did not end within {PATIENCE} s.") from None
     found = _COLLECTED.search(done.stderr)
     if done.returncode != 0 or found is None:
         raise UserError(f"callgrind on '{program.name}' failed: {done.stderr.strip()[-200:]!r}")

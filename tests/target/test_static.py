@@ -16,6 +16,7 @@ from runtime.firmware.static.bans import ban_checks
 from runtime.firmware.static.check import Check
 from runtime.firmware.static.compilers import compiler_checks
 from runtime.firmware.static.misra import category, deviations, misra_checks, rules
+from runtime.system.errors import UserError
 from tests.codegen.strict import need
 from tests.conftest import thoroughly
 
@@ -174,6 +175,13 @@ def test_a_missing_tool_is_said(folder: Path, monkeypatch: pytest.MonkeyPatch) -
         "apt install cppcheck",
         "apt install frama-c-base",
     }
+
+
+def test_a_tool_that_does_not_end_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
+    """In one line, and no gate takes the silence for a pass."""
+    monkeypatch.setattr("runtime.firmware.static.tool.PATIENCE", 0.1)
+    with pytest.raises(UserError, match=r"^sleep did not end within 0.1 s\.$"):
+        tool.run(["sleep", "60"])
 
 
 def test_every_deviation_is_advisory_and_documented() -> None:

@@ -8,13 +8,14 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from runtime.firmware.static.check import Check
+from runtime.system.errors import UserError
 from runtime.system.needs import PROGRAMS
 
 #: Debian package of each tool.
 PACKAGES = {"gcc": "gcc"} | {program.name: program.debian[0] for program in PROGRAMS}
 
-#: Seconds after which a tool is taken to hang; each needs a few.
-PATIENCE = 300
+#: Seconds after which a tool is taken to hang; each needs a few, on a busy machine some minutes.
+PATIENCE = 900
 
 
 def missing(name: str, subject: str, tool: str) -> Check | None:
@@ -25,10 +26,13 @@ def missing(name: str, subject: str, tool: str) -> Check | None:
 
 
 def run(command: Sequence[str], cwd: Path | None = None) -> tuple[int, str]:
-    """Exit code and everything said, standard output first."""
-    done = subprocess.run(
-        list(command), cwd=cwd, capture_output=True, text=True, check=False, timeout=PATIENCE, errors="replace"
-    )
+    """Exit code and everything said, standard output first; UserError if it does not end."""
+    try:
+        done = subprocess.run(
+            list(command), cwd=cwd, capture_output=True, text=True, check=False, timeout=PATIENCE, errors="replace"
+        )
+    except subprocess.TimeoutExpired:
+        raise UserError(f"{command[0]} did not end within {PATIENCE:g} s.") from None
     return done.returncode, done.stdout + done.stderr
 
 
