@@ -281,7 +281,7 @@ FAULTS = (
     _fault("lost_burst", "10 samples lost", lost_samples, 10),
     _fault("stuck_5ms", "sensor stuck 5 ms", stuck_sensor, 5e-3),
     _fault("stuck_50ms", "sensor stuck 50 ms", stuck_sensor, 50e-3, patience=0.5),
-    _fault("saturated", "converter full 20 ms", clipped, 20e-3, 0.5),
+    _fault("saturated", "converter full 20 ms", clipped, 20e-3, 0.5, patience=0.5),
     _fault("sag_known", "DC link 50 %, measured", sagging_link, 50e-3, 0.5, True),
     _fault("sag_unknown", "DC link 50 %, unknown", sagging_link, 50e-3, 0.5, False),
     _fault("garbage", "garbage 10 ms", garbage, 10e-3),
