@@ -21,10 +21,11 @@ from model.filters import FilterStep
 from model.filters.program import Restart
 from model.inverter import OF_LEGS, TRANSFORM, takes_voltage
 from model.loop.controller import Gains, align_block, clarke_block
-from model.loop.injection import faded, injected_voltage, injection_block
+from model.loop.injection import injected_voltage, injection_block, injection_constants
 from model.loop.link_limits import limit_block, limit_constants
 from model.loop.observability import angle_block, least_speed, most_variance
-from model.quantities import Constant, Constants
+from model.loop.resistance import learning_block, learning_constants
+from model.quantities import Constants
 from model.supervisor import Supervisor, supervisor
 from model.supervisor.blocks import constants
 from model.supervisor.limits import start_share
@@ -73,8 +74,10 @@ def drive_listings(about: Description, layout: CovarianceLayout) -> list[Listing
         allowed.append(lay_out(block, [*constants.items.values(), *transform]))
     if not injected_voltage(about.drive):
         return allowed
-    named = (*TRANSFORM, Constant("PER_FADED_SPEED", faded(about.drive), "1 / (0.2 of rated speed), s/rad", None))
-    return [*allowed, lay_out(injection_block(about.drive), named)]
+    learning = lay_out(
+        learning_block(about.drive, about.model), (*about.model.constants, *learning_constants(about.drive))
+    )
+    return [*allowed, learning, lay_out(injection_block(about.drive), injection_constants(about.drive))]
 
 
 def _angle_listing(layout: CovarianceLayout) -> Listing:

@@ -17,6 +17,7 @@ typedef struct {
     ipmsm_ickf_foc_t control; /* gains, integrators, and the filter with its tuning */
     ipmsm_ickf_supervisor_t supervisor; /* mode, and why the last rotor was given up */
     float32 injection[2]; /* V: amplitude of the square wave by which the angle shows at standstill, 0: none; its sign */
+    float32 resistance[1]; /* ohm beyond the motor data, learnt from the ripple of that wave */
     int status; /* of the last step, 0 where the filter did not run; with torque PMSM_UNOBSERVABLE, too */
 } ipmsm_ickf_drive_t;
 

@@ -128,6 +128,10 @@ PER_HIGH = 0.016666666666666653  # 1 / (60 V): all braking up to 1.15 of the DC 
 LINK_HIGH = 750.0  # 1.25 of the DC link, V: no braking from here up
 PER_BRAKING = 0.0035600161767135063  # 1 / (0.02 of the box's speed)^2, (s/rad)^2
 PER_FADED_SPEED = 0.011936621315463415  # 1 / (0.2 of rated speed), s/rad
+LEARNING_GAIN = 5.084682688538079e-10  # ohm / (V A^2), of one sample
+MOST_RESISTANCE = 0.0036  # ohm: so far the resistance may be larger
+LEAST_RESISTANCE = -0.0036  # ohm: or smaller
+LEAST_APART = 0.001  # legs of a unit pulse that differ by less hold it back no more
 INV_L_D = 5000.0  # 1 / L_d, A/Wb
 LOSS_Q = 0.0035935277690066357  # 1 - exp(-T R / L_q)
 GAIN_TORQUE = 6.0  # 1.5 p
@@ -2044,7 +2048,7 @@ def supervise(s, f, status, phase, reference, math):
     return taken
 
 
-INJECTED_VOLTAGE = 36.76495982481733  # V: amplitude of the square wave on the d axis
+INJECTED_VOLTAGE = 37.1248803910886  # V: amplitude of the square wave on the d axis
 
 
 MOST_VARIANCE = 0.2741556778080377  # rad^2: an angle that P knows no better is not seen
@@ -2068,6 +2072,34 @@ def angle_variance(covariance, math, stages=None):
     return (D_0,)
 
 
+def learn_resistance(x, phase, pulse, resistance, v, math, stages=None):
+    """What the ripple says of the resistance, and the voltage less what that takes."""
+    psi_alpha = x[0]
+    psi_beta = x[1]
+    omega = x[2]
+    theta = x[3]
+    (i_a, i_b) = phase
+    (amplitude, sign) = pulse
+    resistance_before = resistance[0]
+    (v_alpha, v_beta) = v
+    sin_theta, cos_theta = math.sin_cos(theta)
+    psi_d = cos_theta * psi_alpha + sin_theta * psi_beta
+    i_salient = SALIENCY * psi_d - INV_L_D_PSI_M
+    i_alpha_believed = INV_L_Q * psi_alpha + cos_theta * i_salient
+    i_beta_believed = INV_L_Q * psi_beta + sin_theta * i_salient
+    i_beta = ONE_BY_SQRT_3 * i_a + TWO_BY_SQRT_3 * i_b
+    across = cos_theta * (i_beta - i_beta_believed) - sin_theta * (i_a - i_alpha_believed)
+    i_q = cos_theta * i_beta_believed - sin_theta * i_alpha_believed
+    left = _larger(1.0 - PER_FADED_SPEED * _larger(omega, -omega), 0.0)
+    learnt = (_larger(_smaller(resistance_before - LEARNING_GAIN * (sign * amplitude * left * across * i_q),
+        MOST_RESISTANCE), LEAST_RESISTANCE))
+
+    return (
+        (learnt,),
+        (v_alpha - learnt * i_alpha_believed, v_beta - learnt * i_beta_believed,),
+    )
+
+
 def inject(rotor, duty, v, link, injection, math, stages=None):
     """A square wave on the estimated d axis."""
     (omega, theta) = rotor
@@ -2075,22 +2107,38 @@ def inject(rotor, duty, v, link, injection, math, stages=None):
     (v_alpha, v_beta) = v
     v_dc = link[0]
     (amplitude, sign) = injection
-    left = _larger(1.0 - PER_FADED_SPEED * _larger(omega, -omega), 0.0)
-    v_link = _larger(v_dc, 1.0)
-    room = (ONE_BY_SQRT_3 * v_link * _larger(1.0 - (_larger(duty_a, _larger(duty_b, duty_c)) -
-        _smaller(duty_a, _smaller(duty_b, duty_c))), 0.0))
-    size = sign * _smaller(amplitude * left, room)
     theta_wrapped = math.wrap(theta)
     sin_theta, cos_theta = math.sin_cos(theta_wrapped)
-    added_alpha = cos_theta * size
-    added_beta = sin_theta * size
-    half = -0.5 * added_alpha
-    cross = SQRT_3_BY_2 * added_beta
-    waved_a = duty_a + added_alpha / v_link
-    waved_b = duty_b + (half + cross) / v_link
-    waved_c = duty_c + (half - cross) / v_link
+    pulse_a = cos_theta * sign
+    pulse_a_scaled = -0.5 * pulse_a
+    sqrt_3_by_2_x_sin_theta_x_sign = SQRT_3_BY_2 * (sin_theta * sign)
+    pulse_b = pulse_a_scaled + sqrt_3_by_2_x_sin_theta_x_sign
+    pulse_c = pulse_a_scaled - sqrt_3_by_2_x_sin_theta_x_sign
+    duty_ab = duty_a - duty_b
+    pulse_ab = pulse_a - pulse_b
+    span_ab = _larger(_larger(pulse_ab, -pulse_ab), LEAST_APART)
+    room_ab = _larger(span_ab - pulse_ab * duty_ab, 0.0) / (span_ab * span_ab)
+    duty_bc = duty_b - duty_c
+    pulse_bc = pulse_b - pulse_c
+    span_bc = _larger(_larger(pulse_bc, -pulse_bc), LEAST_APART)
+    room_bc = _larger(span_bc - pulse_bc * duty_bc, 0.0) / (span_bc * span_bc)
+    duty_ca = duty_c - duty_a
+    pulse_ca = pulse_c - pulse_a
+    span_ca = _larger(_larger(pulse_ca, -pulse_ca), LEAST_APART)
+    room_ca = _larger(span_ca - pulse_ca * duty_ca, 0.0) / (span_ca * span_ca)
+    left = _larger(1.0 - PER_FADED_SPEED * _larger(omega, -omega), 0.0)
+    v_link = _larger(v_dc, 1.0)
+    room = _smaller(room_ab, _smaller(room_bc, room_ca))
+    size = _smaller(amplitude * left, v_link * room)
+    share = size / v_link
+    waved_a = duty_a + share * pulse_a
+    waved_b = duty_b + share * pulse_b
+    waved_c = duty_c + share * pulse_c
     centre = (0.5 - 0.5 * (_smaller(waved_a, _smaller(waved_b, waved_c)) + _larger(waved_a,
         _larger(waved_b, waved_c))))
+    sign_times_size = sign * size
+    added_alpha = cos_theta * sign_times_size
+    added_beta = sin_theta * sign_times_size
 
     return (
         (waved_a + centre, waved_b + centre, waved_c + centre,),
@@ -2103,7 +2151,16 @@ def new_drive(dtype=np.float32, delay=1, **settings):
     """A drive as its C's _drive_init leaves it: controller and supervisor; see drive_step."""
     if delay:
         settings = {"gain": (*GAIN[:8], ADVANCE_DELAYED, *GAIN[9:]), **settings}
-    return SimpleNamespace(control=new_controller(dtype, delay=delay, **settings), supervisor=new_supervisor(dtype), status=0, injection=(dtype(INJECTED_VOLTAGE), dtype(1)))
+    return SimpleNamespace(control=new_controller(dtype, delay=delay, **settings), supervisor=new_supervisor(dtype), status=0, injection=(dtype(INJECTED_VOLTAGE), dtype(1)), resistance=(dtype(0),))
+
+
+def _read_ripple(d, phase, math):
+    """See the drive's C: what the ripple says of the resistance, and the voltage less what that takes."""
+    c, (amplitude, sign), zero = d.control, d.injection, math.dtype(0)
+    rejected = (d.status & INPUT_REJECTED) != 0
+    seen, amplitude = ((zero, zero), zero) if rejected else (phase, amplitude)
+    pulse = (amplitude, sign if c.delay != 0 else -sign)
+    d.resistance, c.v_acting = learn_resistance(c.filter.x, seen, pulse, d.resistance, c.v_acting, math)
 
 
 def drive_step(d, filter_step, phase, command, math):
@@ -2117,6 +2174,8 @@ def drive_step(d, filter_step, phase, command, math):
         c.v_acting, c.v_queued = (zero, zero), (zero, zero)
     if s.anew != 0:
         c.integrator = (zero, zero, zero, zero)
+    if s.torque == 0 or s.rivals != 0:
+        d.resistance = (zero,)
     if s.runs != 0:
         gain = c.gain
         asked = command
@@ -2132,6 +2191,8 @@ def drive_step(d, filter_step, phase, command, math):
         if s.torque != 0:
             (variance,) = angle_variance(c.filter.LD, math)
             d.status = d.status | np.where(variance <= MOST_VARIANCE, 0, UNOBSERVABLE)[()]
+            if s.rivals == 0:
+                _read_ripple(d, phase, math)
             rotor, link = (c.filter.x[2], c.filter.x[3]), (c.command_held[1],)
             if c.delay != 0:
                 duty, c.v_queued, d.injection = inject(rotor, duty, c.v_queued, link, d.injection, math)

@@ -17,6 +17,7 @@ typedef struct {
     traction_70kw_ckf_foc_t control; /* gains, integrators, and the filter with its tuning */
     traction_70kw_ckf_supervisor_t supervisor; /* mode, and why the last rotor was given up */
     float32 injection[2]; /* V: amplitude of the square wave by which the angle shows at standstill, 0: none; its sign */
+    float32 resistance[1]; /* ohm beyond the motor data, learnt from the ripple of that wave */
     int status; /* of the last step, 0 where the filter did not run; with torque PMSM_UNOBSERVABLE, too */
 } traction_70kw_ckf_drive_t;
 

@@ -7,9 +7,11 @@ Yoon, Sul, Morimoto and Ide, IEEE Trans. Ind. Appl. 47, 2011). Resistance has no
 needed: the filter knows the voltage and expects the ripple, through its own equations.
 
 The voltage fades with speed, where the back-EMF tells more, and is never more than the duty cycles have room for, so
-that what the filter is told is what arrives. Room is what the inverter has in every direction, at rest the link over
-sqrt(3): with the wave in them the largest and the smallest duty cycle lie about one half alike again, as space-vector
-modulation has it. On top of duty cycles that stay where they are there is room for half of the link.
+that what the filter is told is what arrives. Room is what the hexagon has in the direction of the pulse, beside the
+voltage that is there already: no two legs come further apart than a whole period. At rest that is the link over sqrt(3)
+to two thirds of it; with the wave in them the largest and the smallest duty cycle lie about one half alike again, as
+space-vector modulation has it. The current regulator answers the ripple of the sample before, and so takes a part of
+the wave away: the amplitude is larger by that.
 """
 
 from __future__ import annotations
@@ -20,21 +22,25 @@ from typing import Any
 import casadi as ca
 
 from model.filters.program import BlockBuilder
-from model.inverter import SQRT_3, lost_voltage
+from model.inverter import SQRT_3, TRANSFORM, lost_voltage
 from model.loop.controller import LEAST_LINK
 from model.machines.base import Rotor
-from model.quantities import Block
+from model.quantities import Block, Constant
 from model.rating import rating
 from model.schema import Drive
 
 #: Amplitude that the ripple may have, of the current that rated torque takes, or of the largest where none is stated;
 #: speed beyond which there is none, of the rated one.
-RIPPLE, FADED = 0.048, 0.2
-#: Length of what a single leg's V_d makes of the voltage vector. The compensation of a leg whose current is about zero
-#: follows the sign that the ripple had a whole period before: it adds so much of V_d to the square wave.
-OF_A_LEG = 2.0 / 3.0
+RIPPLE, FADED = 0.049, 0.2
+#: How far a d inductance may be off of which the drive file states nothing.
+UNSTATED = 0.1
+#: The compensation of a leg whose current is about zero follows the sign that the ripple had a whole period before: it
+#: adds to the square wave, a single leg two thirds of V_d and two of them more, 0.87 of it in the worst run.
+OF_LEGS = 1.0
 #: Share of the wave that is left in any case, where V_d is as large as the wave itself.
 LEAST_LEFT = 0.5
+#: Legs of a unit pulse that differ by less hold no pulse back.
+LEAST_APART = 1e-3
 
 
 def ripple_scale(drive: Drive) -> float:
@@ -55,14 +61,16 @@ def injected_voltage(drive: Drive) -> float:
     Parameters
     ----------
     drive : Drive
-        Its rated or largest current, d inductance, sample time, and V_d.
+        Its rated or largest current, d inductance, sample time, current regulator, and V_d.
     """
-    m = drive.motor
+    m, T = drive.motor, drive.model.sample_time
     if m.inductance_d == m.inductance_q:
         return 0.0
-    least = m.inductance_d * (1.0 - (drive.tolerance.inductance if drive.tolerance else 0.0))
-    allowed = 2.0 * RIPPLE * ripple_scale(drive) * least / drive.model.sample_time
-    return max(allowed - OF_A_LEG * lost_voltage(drive), LEAST_LEFT * allowed)
+    off = drive.tolerance.inductance if drive.tolerance else 0.0
+    least = m.inductance_d * (1.0 - (off or UNSTATED))
+    answered = 1.0 + 0.5 * drive.control.current_bandwidth * T  # the regulator's k_p = bandwidth * L_d
+    allowed = 2.0 * RIPPLE * ripple_scale(drive) * least / T * answered
+    return max(allowed - OF_LEGS * lost_voltage(drive), LEAST_LEFT * allowed)
 
 
 def faded(drive: Drive) -> float:
@@ -73,6 +81,39 @@ def faded(drive: Drive) -> float:
     drive : Drive
     """
     return 1.0 / (FADED * rating(drive).speed)
+
+
+def faded_constant(drive: Drive) -> Constant:
+    """The same, by its name in generated text.
+
+    Parameters
+    ----------
+    drive : Drive
+    """
+    return Constant("PER_FADED_SPEED", faded(drive), "1 / (0.2 of rated speed), s/rad", None)
+
+
+def injection_constants(drive: Drive) -> tuple[Constant, ...]:
+    """The numbers of the block that have a name in generated text.
+
+    Parameters
+    ----------
+    drive : Drive
+    """
+    apart = Constant("LEAST_APART", LEAST_APART, "legs of a unit pulse that differ by less hold it back no more", None)
+    return *TRANSFORM, faded_constant(drive), apart
+
+
+def left_of_wave(drive: Drive, omega: Any) -> Any:
+    """Share of the wave that speed has left.
+
+    Parameters
+    ----------
+    drive : Drive
+    omega : object
+        Estimated speed, rad/s mechanical.
+    """
+    return ca.fmax(1.0 - ca.fmax(omega, -omega) * faded(drive), 0.0)
 
 
 def injection_block(drive: Drive) -> Block:
@@ -92,26 +133,47 @@ def injection_block(drive: Drive) -> Block:
     v = b.input("v", ["v_alpha", "v_beta"])
     (v_dc,) = b.input("link", ["v_dc"])
     amplitude, sign = b.input("injection", ["amplitude", "sign"])
-    speed = ca.fmax(omega, -omega)
-    left = ca.fmax(1.0 - speed * faded(drive), 0.0)
+    left = left_of_wave(drive, omega)
     v_link = ca.fmax(v_dc, LEAST_LINK)
-    lowest, highest = _ends(duty)
-    room = (v_link * (1.0 / SQRT_3)) * ca.fmax(1.0 - (highest - lowest), 0.0)
-    size = sign * ca.fmin(amplitude * left, room)
-    added = Rotor.at(theta).to_stator((size, 0.0))
-    half, cross = -0.5 * added[0], (SQRT_3 / 2) * added[1]
-    legs = [added[0], half + cross, half - cross]
-    waved = [d + leg / v_link for d, leg in zip(duty, legs, strict=True)]
-    bottom, top = _ends(waved)
-    centre = 0.5 - 0.5 * (bottom + top)
-    named: dict[str, Any] = {"left": left, "v_link": v_link, "room": room, "size": size}
-    named |= {"added_alpha": added[0], "added_beta": added[1], "half": half, "cross": cross}
+    pulse = _legs(Rotor.at(theta).to_stator((sign, 0.0)))
+    room, named = _room(duty, pulse)
+    size = ca.fmin(amplitude * left, v_link * room)
+    share = size / v_link
+    added = Rotor.at(theta).to_stator((sign * size, 0.0))
+    waved = [d + share * leg for d, leg in zip(duty, pulse, strict=True)]
+    lowest, highest = _ends(waved)
+    centre = 0.5 - 0.5 * (lowest + highest)
+    named |= {"left": left, "v_link": v_link, "room": room, "size": size, "share": share}
     named |= {f"waved_{leg}": value for leg, value in zip("abc", waved, strict=True)} | {"centre": centre}
+    named |= {"added_alpha": added[0], "added_beta": added[1]}
     b.stage("left", "", "", list(named.values()), list(named), scale="none")
     b.output("duty", [value + centre for value in waved])
     b.output("v", [v[0] + added[0], v[1] + added[1]])
     b.output("injection", [amplitude, -sign])
     return b.build()
+
+
+def _legs(vector: Sequence[Any]) -> list[Any]:
+    """What a vector is on the axes of the three phases."""
+    half, cross = -0.5 * vector[0], (SQRT_3 / 2) * vector[1]
+    return [vector[0], half + cross, half - cross]
+
+
+def _room(duty: Sequence[Any], pulse: Sequence[Any]) -> tuple[Any, dict[str, Any]]:
+    """How much of a unit pulse the duty cycles have room for, of the link; and what it is made of.
+
+    No two legs come further apart than 1. They are apart by d, and the pulse parts them by s more: there is room for
+    (1 - sign(s) d) / abs(s) of it, which is (abs(s) - s d) / s^2.
+    """
+    named: dict[str, Any] = {f"pulse_{leg}": value for leg, value in zip("abc", pulse, strict=True)}
+    rooms = []
+    for one, other in ("ab", "bc", "ca"):
+        d, s = (own["abc".index(one)] - own["abc".index(other)] for own in (duty, pulse))
+        span = ca.fmax(ca.fmax(s, -s), LEAST_APART)
+        rooms.append(ca.fmax(span - s * d, 0.0) / (span * span))
+        pair = one + other
+        named |= {f"duty_{pair}": d, f"pulse_{pair}": s, f"span_{pair}": span, f"room_{pair}": rooms[-1]}
+    return ca.fmin(rooms[0], ca.fmin(rooms[1], rooms[2])), named
 
 
 def _ends(duty: Sequence[Any]) -> tuple[Any, Any]:

@@ -68,6 +68,8 @@ def set_drive(d: SimpleNamespace, module: ModuleType, hand: Modes, rng: np.rando
     s.eased = (dtype(rng.random()),)
     if hasattr(s, "asked"):
         s.asked = (dtype(rng.uniform(-1, 1) * hand.speed),)
+    if hasattr(d, "resistance"):
+        d.resistance = (dtype(rng.uniform(-1, 1) * module.MOST_RESISTANCE),)
     d.control.integrator = tuple(dtype(v) for v in rng.uniform(-1, 1, 4))
     _set_angle(d.control.filter, module, rng, dtype)
     d.control.filter.x = tuple(

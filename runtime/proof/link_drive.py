@@ -21,7 +21,7 @@ from runtime.estimator.folder import GeneratedFolder
 from runtime.proof.align import aligned
 from runtime.proof.control import clarke
 from runtime.proof.drive_draws import inputs, set_drive
-from runtime.proof.link_injection import injected
+from runtime.proof.link_injection import injected, learnt
 from runtime.proof.mode_walk import Walk, lane_of
 from runtime.proof.modes import OFF, TORQUE, Modes
 from runtime.proof.result import Link, Row
@@ -148,6 +148,8 @@ def _interrupt(
         c.v_acting = c.v_queued = (0.0, 0.0)
     if s.anew:
         c.integrator = (0.0,) * 4
+    if hasattr(d, "resistance") and mode != "RUNNING":
+        d.resistance = (np.float64(0.0),)
     if s.runs:
         if mode == "STARTING":
             i = clarke(np.array(phase))
@@ -161,6 +163,8 @@ def _interrupt(
         if mode in TORQUE:
             P = module.unpack(np.array(getattr(c.filter, module.COVARIANCE), dtype=float))
             d.status |= 0 if hand.sees(float(np.sqrt(P[3, 3])), c.filter.x[2]) else UNOBSERVABLE
+        if hasattr(d, "resistance") and mode == "RUNNING":
+            _learn(module, d, phase)
         if hasattr(d, "injection") and mode in TORQUE:
             told, (amplitude, sign) = "v_queued" if c.delay else "v_acting", d.injection
             v, rotor = complex(*getattr(c, told)), np.array(c.filter.x[2:4])
@@ -174,6 +178,17 @@ def _interrupt(
         duty, d.status = (0.5, 0.5, 0.5), 0
     module.supervise(s, c.filter, d.status, phase, command[0], math)
     return duty, int(module.MODES[s.mode] in ("PROBING", "CATCHING", "STARTING", "ALIGNING", "RUNNING"))
+
+
+def _learn(module: ModuleType, d: SimpleNamespace, phase: Any) -> None:
+    """The resistance that the ripple shows, with currents that were not rejected, and what it takes of the voltage."""
+    c, (amplitude, sign), before = d.control, d.injection, float(d.resistance[0])
+    believed = complex(*module.believed_currents(c.filter.x, module.MATH["float64"]))
+    if not d.status & module.INPUT_REJECTED:
+        wave = (amplitude, sign if c.delay else -sign)
+        before = learnt(np.array(c.filter.x[2:4]), clarke(np.array(phase)), believed, wave, before, module)
+    v = complex(*c.v_acting) - before * believed
+    d.resistance, c.v_acting = (before,), (v.real, v.imag)
 
 
 def _numbers(value: Any) -> list[float]:

@@ -32,8 +32,8 @@ from model.filters.program import (
 from model.quantities import Block
 
 #: Ports that their callers give an array to read and another to write: the loop of eq. 33, the regulators, the motor,
-#: the square wave.
-COPIED = frozenset({"x_j", "integrator", "s", "duty", "v", "injection"})
+#: the square wave, the resistance.
+COPIED = frozenset({"x_j", "integrator", "s", "duty", "v", "injection", "resistance"})
 
 
 class LanesPrinter(CPrinter):

@@ -51,6 +51,7 @@ typedef struct {
     ipmsm_ckf_foc_lanes_t control;
     ipmsm_ckf_supervisor_lanes_t supervisor; /* its inverter is what ipmsm_ckf_drive_step returns */
     lanes injection[2];
+    lanes resistance[1];
     int status[LANES];
 } ipmsm_ckf_drive_lanes_t;
 

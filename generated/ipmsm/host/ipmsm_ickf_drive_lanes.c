@@ -74,7 +74,11 @@
 #define LINK_HIGH 675.0f /* 1.25 of the DC link, V: no braking from here up */
 #define PER_BRAKING 0.0625f /* 1 / (0.02 of the box's speed)^2, (s/rad)^2 */
 #define PER_FADED_SPEED 0.047746483f /* 1 / (0.2 of rated speed), s/rad */
+#define LEARNING_GAIN 0.00035928327f /* ohm / (V A^2), of one sample */
+#define MOST_RESISTANCE 0.72f /* ohm: so far the resistance may be larger */
+#define LEAST_RESISTANCE -0.72f /* ohm: or smaller */
 #define SQRT_3_BY_2 0.8660254f /* sqrt(3) / 2 */
+#define LEAST_APART 0.001f /* legs of a unit pulse that differ by less hold it back no more */
 
 #define MAX_CURRENT 5 /* the controller's gain of that name */
 #define MOST_VARIANCE 0.27415568f /* rad^2: an angle that P knows no better is not seen */
@@ -1118,6 +1122,40 @@ static void angle_variance(const lanes *__restrict covariance, lanes *__restrict
     }
 }
 
+/* What the ripple says of the resistance, and the voltage less what that takes */
+static void learn_resistance(const lanes *__restrict x, const lanes *__restrict phase,
+    const lanes *__restrict pulse, const lanes *__restrict resistance, const lanes *__restrict v,
+    lanes *__restrict resistance_out, lanes *__restrict v_out)
+{
+    int lane;
+    for (lane = 0; lane < LANES; lane++) {
+        const float32 i_alpha = x[0].of[lane];
+        const float32 i_beta = x[1].of[lane];
+        const float32 omega = x[2].of[lane];
+        const float32 theta = x[3].of[lane];
+        const float32 i_a = phase[0].of[lane];
+        const float32 i_b = phase[1].of[lane];
+        const float32 amplitude = pulse[0].of[lane];
+        const float32 sign = pulse[1].of[lane];
+        const float32 resistance_before = resistance[0].of[lane];
+        const float32 v_alpha = v[0].of[lane];
+        const float32 v_beta = v[1].of[lane];
+        const float32 i_beta_2 = ONE_BY_SQRT_3 * i_a + TWO_BY_SQRT_3 * i_b;
+        const pmsm_pair sincos_theta = sin_cos(theta);
+        const float32 sin_theta = sincos_theta.sine;
+        const float32 cos_theta = sincos_theta.cosine;
+        const float32 across = cos_theta * (i_beta_2 - i_beta) - sin_theta * (i_a - i_alpha);
+        const float32 i_q = cos_theta * i_beta - sin_theta * i_alpha;
+        const float32 left = larger(1.0f - PER_FADED_SPEED * larger(omega, -omega), 0.0f);
+        const float32 learnt = larger(smaller(resistance_before -
+            LEARNING_GAIN * (sign * amplitude * left * across * i_q), MOST_RESISTANCE), LEAST_RESISTANCE);
+
+        resistance_out[0].of[lane] = learnt;
+        v_out[0].of[lane] = v_alpha - learnt * i_alpha;
+        v_out[1].of[lane] = v_beta - learnt * i_beta;
+    }
+}
+
 /* A square wave on the estimated d axis */
 static void inject(const lanes *__restrict rotor, const lanes *__restrict duty, const lanes *__restrict v,
     const lanes *__restrict link, const lanes *__restrict injection, lanes *__restrict duty_out,
@@ -1135,24 +1173,40 @@ static void inject(const lanes *__restrict rotor, const lanes *__restrict duty, 
         const float32 v_dc = link[0].of[lane];
         const float32 amplitude = injection[0].of[lane];
         const float32 sign = injection[1].of[lane];
-        const float32 left = larger(1.0f - PER_FADED_SPEED * larger(omega, -omega), 0.0f);
-        const float32 v_link = larger(v_dc, 1.0f);
-        const float32 room = ONE_BY_SQRT_3 * v_link * larger(1.0f - (larger(duty_a, larger(duty_b, duty_c)) -
-            smaller(duty_a, smaller(duty_b, duty_c))), 0.0f);
-        const float32 size = sign * smaller(amplitude * left, room);
         const float32 theta_wrapped = wrap_angle(theta);
         const pmsm_pair sincos_theta = sin_cos(theta_wrapped);
         const float32 sin_theta = sincos_theta.sine;
         const float32 cos_theta = sincos_theta.cosine;
-        const float32 added_alpha = cos_theta * size;
-        const float32 added_beta = sin_theta * size;
-        const float32 half = -0.5f * added_alpha;
-        const float32 cross = SQRT_3_BY_2 * added_beta;
-        const float32 waved_a = duty_a + added_alpha / v_link;
-        const float32 waved_b = duty_b + (half + cross) / v_link;
-        const float32 waved_c = duty_c + (half - cross) / v_link;
+        const float32 pulse_a = cos_theta * sign;
+        const float32 pulse_a_scaled = -0.5f * pulse_a;
+        const float32 sqrt_3_by_2_x_sin_theta_x_sign = SQRT_3_BY_2 * (sin_theta * sign);
+        const float32 pulse_b = pulse_a_scaled + sqrt_3_by_2_x_sin_theta_x_sign;
+        const float32 pulse_c = pulse_a_scaled - sqrt_3_by_2_x_sin_theta_x_sign;
+        const float32 duty_ab = duty_a - duty_b;
+        const float32 pulse_ab = pulse_a - pulse_b;
+        const float32 span_ab = larger(larger(pulse_ab, -pulse_ab), LEAST_APART);
+        const float32 room_ab = larger(span_ab - pulse_ab * duty_ab, 0.0f) / (span_ab * span_ab);
+        const float32 duty_bc = duty_b - duty_c;
+        const float32 pulse_bc = pulse_b - pulse_c;
+        const float32 span_bc = larger(larger(pulse_bc, -pulse_bc), LEAST_APART);
+        const float32 room_bc = larger(span_bc - pulse_bc * duty_bc, 0.0f) / (span_bc * span_bc);
+        const float32 duty_ca = duty_c - duty_a;
+        const float32 pulse_ca = pulse_c - pulse_a;
+        const float32 span_ca = larger(larger(pulse_ca, -pulse_ca), LEAST_APART);
+        const float32 room_ca = larger(span_ca - pulse_ca * duty_ca, 0.0f) / (span_ca * span_ca);
+        const float32 left = larger(1.0f - PER_FADED_SPEED * larger(omega, -omega), 0.0f);
+        const float32 v_link = larger(v_dc, 1.0f);
+        const float32 room = smaller(room_ab, smaller(room_bc, room_ca));
+        const float32 size = smaller(amplitude * left, v_link * room);
+        const float32 share = size / v_link;
+        const float32 waved_a = duty_a + share * pulse_a;
+        const float32 waved_b = duty_b + share * pulse_b;
+        const float32 waved_c = duty_c + share * pulse_c;
         const float32 centre = 0.5f - 0.5f * (smaller(waved_a, smaller(waved_b, waved_c)) + larger(waved_a,
             larger(waved_b, waved_c)));
+        const float32 sign_times_size = sign * size;
+        const float32 added_alpha = cos_theta * sign_times_size;
+        const float32 added_beta = sin_theta * sign_times_size;
 
         duty_out[0].of[lane] = waved_a + centre;
         duty_out[1].of[lane] = waved_b + centre;
@@ -1309,6 +1363,41 @@ static void take_injected(lanes *__restrict target, const lanes *__restrict sour
             const int of_delay = (d->control.delay[lane] != 0) ? 1 : 0;
             const int here = ((delayed == ANY_DELAY) | (delayed == of_delay)) ? torque : 0;
             target[k].of[lane] = (here != 0) ? taken : kept;
+        }
+    }
+}
+
+/* What the ripple says of the resistance, in lanes that run without a rival; none in those without torque, or with one. */
+static void read_ripple(ipmsm_ickf_drive_lanes_t *d, const lanes *phase)
+{
+    lanes seen[2];
+    lanes pulse[2];
+    lanes resistance[1];
+    lanes v[2];
+    int k;
+    int lane;
+    for (lane = 0; lane < LANES; lane++) {
+        const int rejected = d->status[lane] & PMSM_INPUT_REJECTED;
+        const float32 sign = d->injection[1].of[lane];
+        seen[0].of[lane] = (rejected != 0) ? 0.0f : phase[0].of[lane];
+        seen[1].of[lane] = (rejected != 0) ? 0.0f : phase[1].of[lane];
+        pulse[0].of[lane] = (rejected != 0) ? 0.0f : d->injection[0].of[lane];
+        pulse[1].of[lane] = (d->control.delay[lane] != 0) ? sign : -sign;
+    }
+    for (lane = 0; lane < LANES; lane++) {
+        const int alone = ((d->supervisor.torque[lane] != 0) & (d->supervisor.rivals[lane] == 0)) ? 1 : 0;
+        const float32 before = d->resistance[0].of[lane];
+        d->resistance[0].of[lane] = (alone != 0) ? before : 0.0f;
+    }
+    learn_resistance(d->control.filter.x, seen, pulse, d->resistance, d->control.v_acting, resistance, v);
+    for (lane = 0; lane < LANES; lane++) {
+        const int alone = ((d->supervisor.torque[lane] != 0) & (d->supervisor.rivals[lane] == 0)) ? 1 : 0;
+        const int learns = ((d->supervisor.runs[lane] != 0) ? 1 : 0) & alone;
+        const float32 kept = d->resistance[0].of[lane];
+        d->resistance[0].of[lane] = (learns != 0) ? resistance[0].of[lane] : kept;
+        for (k = 0; k < 2; k++) {
+            const float32 acting = d->control.v_acting[k].of[lane];
+            d->control.v_acting[k].of[lane] = (learns != 0) ? v[k].of[lane] : acting;
         }
     }
 }
@@ -1587,6 +1676,7 @@ void ipmsm_ickf_drive_lanes_load(ipmsm_ickf_drive_lanes_t *d, int lane, const ip
     d->supervisor.rival.status[lane] = 0;
     d->injection[0].of[lane] = drive->injection[0];
     d->injection[1].of[lane] = drive->injection[1];
+    d->resistance[0].of[lane] = drive->resistance[0];
     d->status[lane] = drive->status;
 }
 
@@ -1598,6 +1688,7 @@ void ipmsm_ickf_drive_lanes_store(const ipmsm_ickf_drive_lanes_t *d, int lane, i
     get_filter(&d->supervisor.rival, lane, &drive->supervisor.rival);
     drive->injection[0] = d->injection[0].of[lane];
     drive->injection[1] = d->injection[1].of[lane];
+    drive->resistance[0] = d->resistance[0].of[lane];
     drive->status = d->status[lane];
 }
 
@@ -1611,6 +1702,7 @@ void ipmsm_ickf_drive_lanes_step(ipmsm_ickf_drive_lanes_t *d, const lanes phase[
     }
     angle_variance(d->control.filter.LD, variance);
     finish(d, variance, duty);
+    read_ripple(d, phase);
     add_injection(d, duty);
     ipmsm_ickf_supervise_lanes(&d->supervisor, &d->control.filter, d->status, phase, command);
 }

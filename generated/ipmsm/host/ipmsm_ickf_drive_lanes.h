@@ -51,6 +51,7 @@ typedef struct {
     ipmsm_ickf_foc_lanes_t control;
     ipmsm_ickf_supervisor_lanes_t supervisor; /* its inverter is what ipmsm_ickf_drive_step returns */
     lanes injection[2];
+    lanes resistance[1];
     int status[LANES];
 } ipmsm_ickf_drive_lanes_t;
 

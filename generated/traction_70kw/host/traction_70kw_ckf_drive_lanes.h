@@ -51,6 +51,7 @@ typedef struct {
     traction_70kw_ckf_foc_lanes_t control;
     traction_70kw_ckf_supervisor_lanes_t supervisor; /* its inverter is what traction_70kw_ckf_drive_step returns */
     lanes injection[2];
+    lanes resistance[1];
     int status[LANES];
 } traction_70kw_ckf_drive_lanes_t;
 
