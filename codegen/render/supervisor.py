@@ -152,7 +152,7 @@ def module_context(about: Description, step: FilterStep) -> dict[str, Any]:
     listings, around = supervisor_listings(about, machine), drive_listings(about, layout)
     return {
         "machine": machine,
-        "injected": repr(injected_voltage(about.drive)) if injected_voltage(about.drive) else "",
+        "injected": [repr(value) for value in _amplitudes(about)],
         "around": [printer.format_block(listing) for listing in around],
         "drive_listings": around,
         **seen_context(about, printer),
@@ -184,13 +184,12 @@ def render_supervisor(about: Description, step: FilterStep, notes: Sequence[str]
     """
     machine, prefix = machine_of(about, step), f"{about.drive.name}_{step.kind}"
     printer = ModesC(machine, CovarianceLayout.of(step), prefix, about.target.numbers)
-    amplitude = injected_voltage(about.drive)
     common = {
         "p": prefix,
         "drive": about.drive.name,
         "sha": about.drive.sha256,
         "sample_time": about.sample_time,
-        "injected": printer.format_literal(amplitude) if amplitude else "",
+        "injected": [printer.format_literal(value) for value in _amplitudes(about)],
         "machine": machine,
         "rivals": machine.rivals,
         "aligns": machine.aligns,
@@ -212,6 +211,12 @@ def render_supervisor(about: Description, step: FilterStep, notes: Sequence[str]
         "drive.h": render("drive.h.j2", **common),
         "drive.c": with_sections(about.target.sections, drive, cold={f"{prefix}_drive_init"}),
     }
+
+
+def _amplitudes(about: Description) -> list[float]:
+    """The square wave's amplitude without and with a sample of delay, V; none for a round rotor."""
+    found = [injected_voltage(about.drive, delay) for delay in (0, 1)]
+    return found if all(found) else []
 
 
 def seen_context(about: Description, printer: CPrinter | PythonPrinter) -> dict[str, str]:

@@ -63,7 +63,7 @@
 #define LINK_HIGH 675.0f /* 1.25 of the DC link, V: no braking from here up */
 #define PER_BRAKING 0.0625f /* 1 / (0.02 of the box's speed)^2, (s/rad)^2 */
 #define PER_FADED_SPEED 0.047746483f /* 1 / (0.2 of rated speed), s/rad */
-#define LEARNING_GAIN 0.00035928327f /* ohm / (V A^2), of one sample */
+#define LEARNING_GAIN 0.00036867135f /* ohm / (V A^2), of one sample */
 #define MOST_RESISTANCE 0.72f /* ohm: so far the resistance may be larger */
 #define LEAST_RESISTANCE -0.72f /* ohm: or smaller */
 #define SQRT_3_BY_2 0.8660254f /* sqrt(3) / 2 */
@@ -322,7 +322,7 @@ void ipmsm_ickf_drive_init(ipmsm_ickf_drive_t *d, int delay)
 {
     ipmsm_ickf_foc_init(&d->control, delay);
     ipmsm_ickf_supervisor_init(&d->supervisor);
-    d->injection[0] = 341.334f;
+    d->injection[0] = (delay != 0) ? 336.96f : 285.12f;
     d->injection[1] = 1.0f;
     d->resistance[0] = 0.0f;
     d->status = 0;

@@ -111,7 +111,7 @@ PER_HIGH = 0.0185185185185185  # 1 / (54 V): all braking up to 1.15 of the DC li
 LINK_HIGH = 675.0  # 1.25 of the DC link, V: no braking from here up
 PER_BRAKING = 0.0625  # 1 / (0.02 of the box's speed)^2, (s/rad)^2
 PER_FADED_SPEED = 0.0477464829275686  # 1 / (0.2 of rated speed), s/rad
-LEARNING_GAIN = 0.0001596814523103207  # ohm / (V A^2), of one sample
+LEARNING_GAIN = 0.00016385393485983746  # ohm / (V A^2), of one sample
 MOST_RESISTANCE = 0.7200000000000001  # ohm: so far the resistance may be larger
 LEAST_RESISTANCE = -0.7200000000000001  # ohm: or smaller
 LEAST_APART = 0.001  # legs of a unit pulse that differ by less hold it back no more
@@ -2532,7 +2532,7 @@ def supervise(s, f, status, phase, reference, math):
     return taken
 
 
-INJECTED_VOLTAGE = 341.3339999999999  # V: amplitude of the square wave on the d axis
+INJECTED_VOLTAGE = (285.11999999999995, 336.9599999999999)  # V: amplitude of the square wave on the d axis, by the samples of delay
 
 
 MOST_VARIANCE = 0.2741556778080377  # rad^2: an angle that P knows no better is not seen
@@ -2636,7 +2636,7 @@ def new_drive(dtype=np.float32, delay=1, **settings):
     """A drive as its C's _drive_init leaves it: controller and supervisor; see drive_step."""
     if delay:
         settings = {"gain": (*GAIN[:8], ADVANCE_DELAYED, *GAIN[9:]), **settings}
-    return SimpleNamespace(control=new_controller(dtype, delay=delay, **settings), supervisor=new_supervisor(dtype), status=0, injection=(dtype(INJECTED_VOLTAGE), dtype(1)), resistance=(dtype(0),))
+    return SimpleNamespace(control=new_controller(dtype, delay=delay, **settings), supervisor=new_supervisor(dtype), status=0, injection=(dtype(INJECTED_VOLTAGE[delay]), dtype(1)), resistance=(dtype(0),))
 
 
 def _read_ripple(d, phase, math):

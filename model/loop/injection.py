@@ -10,8 +10,8 @@ The voltage fades with speed, where the back-EMF tells more, and is never more t
 that what the filter is told is what arrives. Room is what the hexagon has in the direction of the pulse, beside the
 voltage that is there already: no two legs come further apart than a whole period. At rest that is the link over sqrt(3)
 to two thirds of it; with the wave in them the largest and the smallest duty cycle lie about one half alike again, as
-space-vector modulation has it. The current regulator answers the ripple of the sample before, and so takes a part of
-the wave away: the amplitude is larger by that.
+space-vector modulation has it. The current regulator answers the ripple, too: with a sample of delay it takes a part of
+the wave away, without it adds to it; the amplitude has that in it.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ from model.schema import Drive
 
 #: Amplitude that the ripple may have, of the current that rated torque takes, or of the largest where none is stated;
 #: speed beyond which there is none, of the rated one.
-RIPPLE, FADED = 0.049, 0.2
+RIPPLE, FADED = 0.048, 0.2
 #: How far a d inductance may be off of which the drive file states nothing.
 UNSTATED = 0.1
 #: The compensation of a leg whose current is about zero follows the sign that the ripple had a whole period before: it
@@ -53,7 +53,7 @@ def ripple_scale(drive: Drive) -> float:
     return rating(drive).current if drive.rated else drive.control.max_current
 
 
-def injected_voltage(drive: Drive) -> float:
+def injected_voltage(drive: Drive, delay: int = 1) -> float:
     """Amplitude of the square wave, V; 0 for a round rotor, which shows nothing.
 
     The ripple is held with the smallest d inductance within tolerance, and with what the compensation adds.
@@ -62,14 +62,17 @@ def injected_voltage(drive: Drive) -> float:
     ----------
     drive : Drive
         Its rated or largest current, d inductance, sample time, current regulator, and V_d.
+    delay : int, optional
+        Samples from measuring to acting, 0 or 1: how the regulator answers.
     """
-    m, T = drive.motor, drive.model.sample_time
+    m = drive.motor
     if m.inductance_d == m.inductance_q:
         return 0.0
     off = drive.tolerance.inductance if drive.tolerance else 0.0
     least = m.inductance_d * (1.0 - (off or UNSTATED))
-    answered = 1.0 + 0.5 * drive.control.current_bandwidth * T  # the regulator's k_p = bandwidth * L_d
-    allowed = 2.0 * RIPPLE * ripple_scale(drive) * least / T * answered
+    answer = drive.control.current_bandwidth * m.inductance_d  # V/A
+    per_ampere = 2.0 * least / drive.model.sample_time + (answer if delay else -answer)
+    allowed = RIPPLE * ripple_scale(drive) * per_ampere
     return max(allowed - OF_LEGS * lost_voltage(drive), LEAST_LEFT * allowed)
 
 

@@ -80,7 +80,7 @@
 #define PER_BRAKING 0.0625f /* 1 / (0.02 of the box's speed)^2, (s/rad)^2 */
 #define INV_L_D_PSI_M 15.138889f /* INV_L_D * PSI_M */
 #define PER_FADED_SPEED 0.047746483f /* 1 / (0.2 of rated speed), s/rad */
-#define LEARNING_GAIN 0.00035928327f /* ohm / (V A^2), of one sample */
+#define LEARNING_GAIN 0.00036867135f /* ohm / (V A^2), of one sample */
 #define MOST_RESISTANCE 0.72f /* ohm: so far the resistance may be larger */
 #define LEAST_RESISTANCE -0.72f /* ohm: or smaller */
 #define SQRT_3_BY_2 0.8660254f /* sqrt(3) / 2 */

@@ -81,7 +81,7 @@
 #define PER_BRAKING 0.0035600162f /* 1 / (0.02 of the box's speed)^2, (s/rad)^2 */
 #define INV_L_D_PSI_M 400.0f /* INV_L_D * PSI_M */
 #define PER_FADED_SPEED 0.011936622f /* 1 / (0.2 of rated speed), s/rad */
-#define LEARNING_GAIN 5.0846827e-10f /* ohm / (V A^2), of one sample */
+#define LEARNING_GAIN 5.2616067e-10f /* ohm / (V A^2), of one sample */
 #define MOST_RESISTANCE 0.0036f /* ohm: so far the resistance may be larger */
 #define LEAST_RESISTANCE -0.0036f /* ohm: or smaller */
 #define SQRT_3_BY_2 0.8660254f /* sqrt(3) / 2 */
