@@ -107,7 +107,7 @@ def learning_block(drive: Drive, model: StateSpaceModel) -> Block:
     i = (i_a, (1 / SQRT_3) * i_a + (2 / SQRT_3) * i_b)
     rotor = Rotor.at(theta)
     _, across = rotor.to_rotor((i[0] - believed[0], i[1] - believed[1]))
-    _, i_q = rotor.to_rotor(believed)
+    _, i_q = rotor.to_rotor((believed[0], believed[1]))
     left = left_of_wave(drive, omega)
     shown = sign * amplitude * left * across * i_q
     most = most_resistance(drive)

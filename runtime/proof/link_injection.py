@@ -134,8 +134,7 @@ def _rows(errors: list[list[float]], named: Mapping[str, float], what: str) -> l
     """The worst of every column; what is no number is infinitely far off."""
     worst = [float(value) if np.isfinite(value) else float("inf") for value in np.max(np.array(errors), axis=0)]
     return [
-        Row("-", name, what, value, allowed, DRAWS)
-        for (name, allowed), value in zip(named.items(), worst, strict=True)
+        Row("-", name, what, value, allowed, DRAWS) for (name, allowed), value in zip(named.items(), worst, strict=True)
     ]
 
 

@@ -64,7 +64,7 @@ def test_a_whole_interrupt_costs_what_its_mode_asks_for(made: Made) -> None:
             assert {name: ops[name] for name in found["operations"]} == found["operations"]
             least = controller + filter_step if mode == "STARTING" else controller
             assert all(least[name] <= ops[name] for name in OPERATIONS), mode
-            beside = filter_step["mul"] if mode != "STARTING" else 120  # supervisor, square wave, limits of torque
+            beside = filter_step["mul"] if mode != "STARTING" else 140  # supervisor, square wave, limits of torque
             assert ops["mul"] < least["mul"] + beside
             copied = 3 * program.find(f"{stem}_step")[0].words(f"{stem}_t") if mode == "STARTING" else 0
             assert ops["copied"] == copied

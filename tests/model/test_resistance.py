@@ -1,4 +1,4 @@
-"""The resistance that is learnt at standstill: its gain is that of a loop of the stated bandwidth, its limit the file's."""
+"""The resistance that is learnt at standstill: its loop has the stated bandwidth, and its limit is the drive file's."""
 
 from __future__ import annotations
 
