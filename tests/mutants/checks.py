@@ -176,10 +176,11 @@ def controller(bench: Bench, name: str) -> Iterator[Any]:
 
 
 def supervisor(bench: Bench, name: str) -> Iterator[Any]:
-    """Every state of the machine; its modes by hand; supervisor and drive in C."""
+    """Every state of the machine; its modes by hand; supervisor and drive in C; the square wave by hand."""
     from model.supervisor import supervisor as declared
     from runtime.proof.exhaust import link_exhaust
     from runtime.proof.link_drive import link_drive
+    from runtime.proof.link_injection import link_injection
     from runtime.proof.link_modes import link_modes
     from runtime.proof.modes import Modes
     from runtime.proof.second import second_motor
@@ -191,6 +192,8 @@ def supervisor(bench: Bench, name: str) -> Iterator[Any]:
     kind = next(iter(fresh.steps))
     yield link_modes(fresh, kind, truth.filter.gain, data, second_motor(truth))  # type: ignore[arg-type]
     yield from link_drive(fresh, kind, truth.filter.gain, data)  # type: ignore[arg-type]
+    if hasattr(fresh.module, "inject"):
+        yield link_injection(fresh.module, name, kind, truth.filter.gain, truth.control.dc_link)
 
 
 def drive_lanes(bench: Bench, name: str) -> Iterator[Any]:

@@ -37,8 +37,6 @@ _TEXT: Rows = (
     ("lanes: not seen without torque", "((torque & (1 - seen)) != 0)", "((1 - seen) != 0)", LOADED_LANES),
     ("lanes: status of before", "(runs != 0) ? bits : 0", "bits", LOADED_LANES),
     ("lanes: duty cycles of before", "(d->supervisor.runs[lane] != 0) ? own : 0.5f", "own", LOADED_LANES),
-    ("lanes: the wave in the wrong voltage", "take_injected(d->control.v_acting, v, d, 2, 0);", "take_injected(d->control.v_acting, v, d, 2, 1);", FLUX_LANES),
-    ("lanes: the wave without torque", "const int here = ((delayed == ANY_DELAY) | (delayed == of_delay)) ? torque : 0;", "const int here = ((delayed == ANY_DELAY) | (delayed == of_delay)) ? 1 : 0;", FLUX_LANES),
 )  # fmt: skip
 
 
@@ -53,9 +51,23 @@ _RIVALS: Rows = (
 )  # fmt: skip
 
 
+_WAVE: Rows = (
+    ("lanes: the wave in the wrong voltage", "take_injected(d->control.v_acting, v, d, 2, 0);", "take_injected(d->control.v_acting, v, d, 2, 1);", FLUX_LANES),
+    ("lanes: the wave without torque", "const int here = ((delayed == ANY_DELAY) | (delayed == of_delay)) ? torque : 0;", "const int here = ((delayed == ANY_DELAY) | (delayed == of_delay)) ? 1 : 0;", FLUX_LANES),
+    ("lanes: learnt by the sign of no delay", "(d->control.delay[lane] != 0) ? sign : -sign", "(d->control.delay[lane] != 0) ? -sign : sign", FLUX_LANES),
+    ("lanes: learnt from a current that was rejected", "(rejected != 0) ? 0.0f : phase[1].of[lane]", "phase[1].of[lane]", FLUX_LANES),
+    ("lanes: learnt from no current at all", "(rejected != 0) ? 0.0f : d->injection[0].of[lane]", "d->injection[0].of[lane]", FLUX_LANES),
+    ("lanes: the last motor's resistance", "(alone != 0) ? before : 0.0f", "before", FLUX_LANES),
+    ("lanes: learnt where nothing runs", "((d->supervisor.runs[lane] != 0) ? 1 : 0) & alone", "alone", FLUX_LANES),
+    ("lanes: learnt with a rival", "((d->supervisor.runs[lane] != 0) ? 1 : 0) & alone", "((d->supervisor.runs[lane] != 0) ? 1 : 0)", FLUX_LANES),
+    ("lanes: nothing taken from the voltage", "(learns != 0) ? v[k].of[lane] : acting", "acting", FLUX_LANES),
+)  # fmt: skip
+
+
 DRIVE_LANES = (
     *rows_of("codegen/render/printers/mode_lanes.py", _PRINTER),
     *rows_of("codegen/render/templates/drive_lanes.c.j2", _TEXT),
     *rows_of("codegen/render/templates/lane_rivals.j2", _RIVALS),
     *rows_of("codegen/render/templates/lane_copies.j2", _COPIES),
+    *rows_of("codegen/render/templates/lane_wave.j2", _WAVE),
 )

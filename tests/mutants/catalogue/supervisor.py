@@ -322,6 +322,42 @@ _DRIVE_C: Rows = (
     ("the wave without torque", "        if (d->supervisor.torque != 0) {\n            d->status", "        if (d->supervisor.runs != 0) {\n            d->status", FLUX),
     ("the wave a sample late", "if (d->control.delay != 0) {", "if (d->control.delay == 0) {", FLUX),
     ("the wave at rest", "rotor[0] = d->control.filter.x[{{ omega }}];", "rotor[0] = 0.0f;", FLUX),
+    ("learnt by the sign of no delay", "pulse[1] = (d->control.delay != 0) ?", "pulse[1] = (d->control.delay == 0) ?", FLUX),
+    ("learnt from a current that was rejected", "seen[0] = (rejected != 0) ? 0.0f : phase[0];", "seen[0] = phase[0];", FLUX),
+    ("learnt from no current at all", "pulse[0] = (rejected != 0) ? 0.0f : d->injection[0];", "pulse[0] = d->injection[0];", FLUX),
+    ("never rejected where a command was", "d->status & PMSM_INPUT_REJECTED;", "d->status & PMSM_COMMAND_REJECTED;", FLUX),
+    ("learnt in a start, too", "            if (d->supervisor.rivals == 0) {\n", "            if (d->supervisor.rivals >= 0) {\n", FLUX),
+    ("the last motor's resistance", "{{ \" || (d->supervisor.rivals != 0)\" if rivals }}", "", FLUX),
+    ("a resistance kept without torque", "    if ((d->supervisor.torque == 0)", "    if ((d->supervisor.torque < 0)", FLUX),
+    ("a resistance to begin with", "    d->resistance[0] = 0.0f;\n{% endif %}\n    d->status", "    d->resistance[0] = 0.1f;\n{% endif %}\n    d->status", FLUX),
+    ("what it takes of the voltage to come", "d->resistance, d->control.v_acting, d->resistance", "d->resistance, d->control.v_queued, d->resistance", FLUX),
+)  # fmt: skip
+
+_WAVE: Rows = (
+    ("as much for both delays", "(answer if delay else -answer)", "answer", ("pytest tests/model/test_injection.py",)),
+    ("no answer of the regulator", "2.0 * least / drive.model.sample_time + (answer if delay else -answer)", "2.0 * least / drive.model.sample_time", ("pytest tests/model/test_injection.py",)),
+    ("no tolerance of the inductance", "(1.0 - (off or UNSTATED))", "(1.0 - off)", ("pytest tests/model/test_injection.py",)),
+    ("room of two pairs of legs", 'for one, other in ("ab", "bc", "ca"):', 'for one, other in ("ab", "bc"):', FLUX),
+    ("room for the other sign", "span - s * d", "span + s * d", FLUX),
+    ("as much room for a short pulse", "/ (span * span))", "/ span)", FLUX),
+    ("room that is negative", "ca.fmax(span - s * d, 0.0)", "(span - s * d)", FLUX),
+    ("the wave never fades", "amplitude * left, v_link", "amplitude, v_link", FLUX),
+    ("legs not centred", "centre = 0.5 - 0.5 * (lowest + highest)", "centre = 0.0 * (lowest + highest)", FLUX),
+    ("told half of it", "v[1] + added[1]]", "v[1] + 0.5 * added[1]]", FLUX),
+    ("a sign that stays", "[amplitude, -sign]", "[amplitude, sign]", FLUX),
+)  # fmt: skip
+
+_LEARNING: Rows = (
+    ("learnt the other way", "before - learning_gain(drive) * shown", "before + learning_gain(drive) * shown", FLUX),
+    ("learnt at speed", "shown = sign * amplitude * left * across", "shown = sign * amplitude * across", FLUX),
+    ("learnt by the ripple along the axis", "_, across = rotor", "across, _ = rotor", FLUX),
+    ("the current's direction forgotten", "left * across * i_q", "left * across", FLUX),
+    ("no least resistance", "ca.fmax(ca.fmin(before - learning_gain(drive) * shown, most), -most)", "ca.fmin(before - learning_gain(drive) * shown, most)", FLUX),
+    ("no largest resistance", "ca.fmax(ca.fmin(before - learning_gain(drive) * shown, most), -most)", "ca.fmax(before - learning_gain(drive) * shown, -most)", FLUX),
+    ("added to the voltage", "v[k] - resistance * believed[k]", "v[k] + resistance * believed[k]", FLUX),
+    ("of the resistance before", "v[k] - resistance * believed[k]", "v[k] - before * believed[k]", FLUX),
+    ("a loop twice as fast", "bandwidth**2 * m.magnet_flux", "4 * bandwidth**2 * m.magnet_flux", ("pytest tests/model/test_resistance.py",)),
+    ("any tolerance is the usual one", "(share or UNSTATED)", "UNSTATED", ("pytest tests/model/test_resistance.py",)),
 )  # fmt: skip
 
 _MODULE: Rows = (
@@ -331,6 +367,10 @@ _MODULE: Rows = (
     ("a start by the reference, Python", "asked = (s.asked[0], command[1])", "asked = command", LOADED),
     ("torque of any link, Python", "limit * share, *gain", "limit, *gain", LOADED),
     ("not seen without torque, Python", "        if s.torque != 0:\n            (variance,)", "        if s.runs != 0:\n            (variance,)", LOADED),
+    ("learnt by the sign of no delay, Python", "sign if c.delay != 0 else -sign", "sign if c.delay == 0 else -sign", FLUX),
+    ("learnt in a start, too, Python", "            if s.rivals == 0:\n                _read_ripple", "            if s.rivals >= 0:\n                _read_ripple", FLUX),
+    ("the last motor's resistance, Python", "        d.resistance = (zero,)\n", "        pass\n", FLUX),
+    ("learnt from a current that was rejected, Python", "if rejected else (phase, amplitude)", "if not rejected else (phase, amplitude)", FLUX),
     ("reset keeps the voltage", "    f.u_held = _select(where, (math.dtype(0), math.dtype(0)), f.u_held)\n", "", LOADED),
     ("no mode rests not", "    _go(s, {{ machine.modes[0].name }}, lost)\n", "", LOADED),
     ("time goes on in a new mode, Python", "    s.since = np.where(where, 0, s.since)[()]\n", "", LOADED),
@@ -353,6 +393,8 @@ SUPERVISOR = (
     *rows_of("codegen/render/templates/supervisor.c.j2", _SUPERVISOR_C),
     *rows_of("model/loop/link_limits.py", _LINK),
     *rows_of("model/loop/observability.py", _SEEN),
+    *rows_of("model/loop/injection.py", _WAVE),
+    *rows_of("model/loop/resistance.py", _LEARNING),
     *rows_of("codegen/render/templates/drive.c.j2", _DRIVE_C),
     *rows_of("codegen/render/templates/supervisor.py.j2", _MODULE),
 )
