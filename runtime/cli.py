@@ -148,6 +148,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
 def _explained(error: Exception) -> int:
     """Say in a line what the user can mend, and return the exit code; what is no user's fault is raised again."""
     from codegen.evidence.budget import BudgetError
+    from codegen.evidence.programs import ProgramError
     from codegen.ir.graph import UnsupportedOperationError
     from codegen.output.folder import FolderError
     from model.schema import DriveError
@@ -157,7 +158,7 @@ def _explained(error: Exception) -> int:
     elif isinstance(error, BudgetError):
         _say(error)
         return 1
-    elif isinstance(error, UserError | DriveError | FolderError | UnsupportedOperationError):
+    elif isinstance(error, UserError | DriveError | FolderError | ProgramError | UnsupportedOperationError):
         _say(error)
     elif isinstance(error, _UsageError):
         _say(_usage(error))
