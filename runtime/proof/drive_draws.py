@@ -7,6 +7,8 @@ from typing import Any
 
 import numpy as np
 
+from runtime.proof.align import LEFT_ACROSS
+from runtime.proof.mode_walk import NEAR
 from runtime.proof.modes import Modes
 
 
@@ -76,6 +78,28 @@ def set_drive(d: SimpleNamespace, module: ModuleType, hand: Modes, rng: np.rando
     for field in ("v_acting", "v_queued"):
         setattr(d.control, field, tuple(dtype(v) for v in rng.uniform(-1, 1, 2)))
     return True
+
+
+def set_aligned(d: SimpleNamespace, module: ModuleType, hand: Modes, rng: np.random.Generator) -> tuple[Any, Any]:
+    """ALIGNING, with a current beside its axis about what is left to the rotor there; inputs as :func:`inputs` gives.
+
+    Parameters
+    ----------
+    d : SimpleNamespace
+        Changed.
+    module : ModuleType
+        The generated module.
+    hand : Modes
+    rng : np.random.Generator
+    """
+    d.supervisor.mode, d.supervisor.aligns = np.int64(module.MODES.index("ALIGNING")), np.int64(1)
+    axis = np.exp(1j * rng.uniform(-np.pi, np.pi))
+    d.supervisor.axis = axis.real, axis.imag, np.float64(rng.uniform(0, 1) * hand.align_current)
+    d.control.integrator = tuple(hand.link * rng.uniform(-0.8, 0.8, 4))  # in some the voltage is at its limit
+    across = LEFT_ACROSS * hand.most * rng.choice([-1, 1]) * (1 + rng.choice(NEAR))
+    i = (rng.uniform(-1, 1) * hand.most + 1j * across) * axis
+    phase = i.real, -i.real / 2 + np.sqrt(3) / 2 * i.imag
+    return phase, (np.float64(0.0), np.float64(hand.link * rng.uniform(0.4, 1.4)))
 
 
 def _set_angle(f: SimpleNamespace, module: ModuleType, rng: np.random.Generator, dtype: Any) -> None:

@@ -20,7 +20,7 @@ from runtime.estimator.compiler import build_library, compiler_name, open_librar
 from runtime.estimator.folder import GeneratedFolder
 from runtime.proof.align import aligned
 from runtime.proof.control import clarke
-from runtime.proof.drive_draws import inputs, set_drive
+from runtime.proof.drive_draws import inputs, set_aligned, set_drive
 from runtime.proof.link_injection import injected
 from runtime.proof.mode_walk import Walk, lane_of
 from runtime.proof.modes import OFF, TORQUE, Modes
@@ -37,6 +37,8 @@ ANY_MEMORY = 3000
 ALLOWED = 1e-9
 #: Draws of what the DC link allows; some ten roundings of numbers about 1, of squares of speeds that differ little too.
 LINKS, SHARE_ALLOWED = 2000, 1e-11
+#: Interrupts of an alignment whose current beside the axis is about what is left to the rotor.
+ALIGNED = 200
 #: Bit of the status: with torque, the angle is not seen.
 UNOBSERVABLE = 64
 #: Place of the largest current among the controller's gains.
@@ -119,6 +121,7 @@ def by_hand(module: ModuleType, kind: str, hand: Modes, samples: int) -> tuple[R
         Row("-", "drive, modes", "not visited", missed, 0.0, len(seen)),
         Row("-", "drive, angle", "never seen, or always", float(2 - len(bits)), 0.0, 2 * samples),
         _by_link(module, hand),
+        *([_along_axis(module, kind, hand)] if hand.aligns else []),
     )
 
 
@@ -136,6 +139,19 @@ def _by_link(module: ModuleType, hand: Modes) -> Row:
             wanted = hand.allowed_by_link(link, reference, omega)
         worst = max(worst, _deviation([found], [wanted]))
     return Row("-", "drive, DC link", "share of the largest current", worst, SHARE_ALLOWED, LINKS)
+
+
+def _along_axis(module: ModuleType, kind: str, hand: Modes) -> Row:
+    """Interrupts of ALIGNING with currents beside its axis, about what is left to the rotor there."""
+    math, step, rng, worst = module.MATH["float64"], module.STEPS[kind], np.random.default_rng(5), 0.0
+    for number in range(ALIGNED):
+        d = module.new_drive(np.float64, number % 2)
+        phase, command = set_aligned(d, module, hand, rng)
+        wanted = deepcopy(d)
+        found = [*module.drive_step(d, step, phase, command, math)[0], *_numbers(d)]
+        by_hand = [*_interrupt(module, step, hand, wanted, phase, command)[0], *_numbers(wanted)]
+        worst = max(worst, _deviation(found, by_hand))
+    return Row("-", "drive, ALIGNING", "every field, duty cycles", worst, ALLOWED, ALIGNED)
 
 
 def _interrupt(
