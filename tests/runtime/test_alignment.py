@@ -142,9 +142,18 @@ def test_what_a_file_may_not_say(start: str, said: str) -> None:
 
 
 def test_an_alignment_that_no_int_can_count_is_refused() -> None:
-    drive = aligned("ipmsm", align_current=0.01)
-    with pytest.raises(DriveError, match="an int of 16 bits counts to 32000"):
-        supervisor(drive, build(drive))
+    met = Counter[float]()
+    for current in np.geomspace(0.01, 2.0, 40):
+        drive = aligned("ipmsm", align_current=float(current))
+        samples = align_time(drive) / drive.model.sample_time
+        met[min(samples // 16000, 4)] += 1
+        if samples > 32000:
+            with pytest.raises(DriveError, match="an int of 16 bits counts to 32000"):
+                supervisor(drive, build(drive))
+        else:
+            limits = {limit.name: limit.value for limit in supervisor(drive, build(drive)).limits}
+            assert limits["ALIGN_SAMPLES"] == round(samples)
+    assert {1.0, 2.0, 4.0} <= set(met), "just below, just beyond, and far"
 
 
 def test_a_rotor_too_heavy_to_turn_is_refused() -> None:

@@ -53,7 +53,7 @@ _ACTIONS: Rows = (
     ("align: calm of the last attempt", 'for entry in (progress, *axis)), _clear("calm"))', "for entry in (progress, *axis)),)", SERVO),
     ("align: begins where the last one was", "for entry in (progress, *axis))", "for entry in axis)", SERVO),
     ("align: its current in other modes", "for entry in (progress, *axis))", "for entry in (progress,))", SERVO),
-    ("align: in any mode", 'If(is_label("mode", "ALIGNING"), (Call', 'If(Not(is_label("mode", "FAULT")), (Call', SERVO),
+    ("align: while it runs", 'If(is_label("mode", "ALIGNING"), (Call', 'If(is_label("mode", "RUNNING"), (Call', SERVO),
     ("align: along angle zero", 'Set(guess[2], Number(0.0)), Set(guess[3], Entry("x_0", theta))\n    return', "Set(guess[2], Number(0.0)), Set(guess[3], Number(0.0))\n    return", SERVO),
     ("align: at the speed of a reading", 'place = Set(guess[2], Number(0.0)), Set(', "place = Set(guess[2], guess[2]), Set(", SERVO),
     ("align: as sure as after a reading", '(*place, *_spread("REST_SPEED", "START_ANGLE"))', '(*place, *_spread("UNKNOWN_SPEED", "UNKNOWN_ANGLE"))', SERVO),
