@@ -230,6 +230,7 @@ _FIGURES = {
         ("proved and seen in the note", "proved {bound.proved:.1e}", "proved {bound.seen:.1e}", FIGURES),
     ),
     "codegen/render/filter.py": (
+        ("what NaN rejects by bits and by squares", '"none" if numbers.generated_trig else "all"', '"all" if numbers.generated_trig else "none"', ("regenerated paper_spmsm tests/codegen/test_guard.py -k nan_does",)),
         ("sample time in ms", "sample_time * 1e6:g} us", "sample_time * 1e3:g} us", FIGURES),
         ("sinc's bound for cosm1's", "sinc {bound.sinc:.1e}, cosm1 {bound.cosm1:.1e}", "sinc {bound.cosm1:.1e}, cosm1 {bound.sinc:.1e}", FIGURES),
         ("small angles as far as d^2", "for d up to {LIMIT**0.5:.2g} rad", "for d up to {LIMIT:.2g} rad", FIGURES),
