@@ -99,10 +99,9 @@ def decay_time(drive: Drive) -> float:
     """
     m, current, k = drive.motor, align_current(drive), _stiffness(drive)
     resistance = m.stator_resistance + align_resistance(drive)
-    roots = np.roots(
-        [m.inductance_q, resistance, k * (m.magnet_flux + m.inductance_d * current), k * resistance * current]
-    )
-    return float(-1.0 / np.max(roots.real))
+    cubic = [m.inductance_q, resistance, k * (m.magnet_flux + m.inductance_d * current), k * resistance * current]
+    times = np.roots(cubic[::-1])  # 1 / s: of numbers far apart the largest is found well, and s has its least there
+    return float(-1.0 / np.max((1.0 / times).real))
 
 
 def turn_time(drive: Drive) -> float:

@@ -23,7 +23,7 @@ from runtime.commands.quiet import with_quiet
 from runtime.commands.terminal import console
 from runtime.system.collector import loading
 from runtime.system.errors import UserError, end_interrupted, was_interrupted
-from runtime.system.streams import UNREAD, reader_is_gone
+from runtime.system.streams import UNREAD, UnreadError, reader_is_gone
 
 #: Commands in groups, both in the order in which one comes to use them; each lies in the module of its name.
 GROUPS = {
@@ -86,7 +86,7 @@ class Commands(TyperGroup):
         except KeyboardInterrupt:
             raise typer.Exit(130) from None
         except BrokenPipeError as error:
-            if reader_is_gone():
+            if isinstance(error, UnreadError) or reader_is_gone():
                 raise
             raise UserError(f"a program or board that this command writes to has gone: {error.strerror}.") from None
 
@@ -148,6 +148,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
 def _explained(error: Exception) -> int:
     """Say in a line what the user can mend, and return the exit code; what is no user's fault is raised again."""
     from codegen.evidence.budget import BudgetError
+    from codegen.evidence.programs import ProgramError
     from codegen.ir.graph import UnsupportedOperationError
     from codegen.output.folder import FolderError
     from model.schema import DriveError
@@ -157,7 +158,7 @@ def _explained(error: Exception) -> int:
     elif isinstance(error, BudgetError):
         _say(error)
         return 1
-    elif isinstance(error, UserError | DriveError | FolderError | UnsupportedOperationError):
+    elif isinstance(error, UserError | DriveError | FolderError | ProgramError | UnsupportedOperationError):
         _say(error)
     elif isinstance(error, _UsageError):
         _say(_usage(error))

@@ -96,6 +96,14 @@ def test_a_script_makes_its_figure(name: str, tmp_path: Path) -> None:
     assert differ((tmp_path / f"{name}.svg").read_text(encoding="utf-8"), committed) == ""
 
 
+def test_the_board_without_its_extra_is_one_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "serial.py").write_text("raise ImportError('no such module')\n")
+    monkeypatch.setattr(GALLERY, "ROOT", f"{tmp_path}:{GALLERY.ROOT}")
+    done = GALLERY.run("board_on_a_terminal", tmp_path)
+    assert done.returncode == 1
+    assert done.stderr == "a serial port needs pyserial: pip install 'pmsm-ickf[board]'.\n"
+
+
 @pytest.mark.thorough
 @pytest.mark.parametrize("name", sorted(PICTURES.PICTURES))
 def test_a_picture_is_what_its_function_draws(name: str) -> None:

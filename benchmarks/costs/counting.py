@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 import shutil
-import subprocess
 import tempfile
 from collections import Counter
 from collections.abc import Callable, Mapping
@@ -16,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from model.schema import Drive
-from runtime.estimator.compiler import build_program
+from runtime.estimator.compiler import build_program, run_compiler
 from runtime.firmware.build import cross_compile
 from runtime.firmware.callgrind import instructions_per_step
 from runtime.firmware.cortex_m import LIBRARIES, boards
@@ -26,6 +25,7 @@ from runtime.firmware.tools import MissingTool, find_tool
 from runtime.proof.own_trajectory import trajectory_of
 from runtime.proof.reference import make_reference
 from runtime.system.errors import UserError
+from runtime.system.programs import run_to_end
 
 Array = NDArray[Any]
 
@@ -129,7 +129,7 @@ def trace(candidate: Candidate, inputs: Inputs) -> Array:
     """x after every step, (steps, n)."""
     with tempfile.TemporaryDirectory() as scratch:
         command = [str(host_program(candidate)), str(inputs.last), _written(scratch, inputs), "print"]
-        text = subprocess.run(command, capture_output=True, text=True, check=True).stdout
+        text = _answer(command)
     return np.array(text.split(), dtype=float).reshape(inputs.last, -1)
 
 
@@ -138,6 +138,14 @@ def deviation(candidate: Candidate, inputs: Inputs) -> float:
     difference = trace(candidate, inputs) - inputs.reference
     difference[:, 3] = np.remainder(difference[:, 3] + np.pi, 2 * np.pi) - np.pi
     return float(np.max(np.abs(difference) / inputs.sigma))
+
+
+def _answer(command: list[str]) -> str:
+    """What a program says that must end well."""
+    done = run_to_end(command)
+    if done.code:
+        raise UserError(f"{command[0]} failed: {done.crash or done.err.strip()[-200:]}")
+    return done.out
 
 
 def _written(folder: str, inputs: Inputs) -> str:
@@ -161,9 +169,7 @@ def m4_text(candidate: Candidate) -> float:
     keep = ["-ffunction-sections", "-fdata-sections", "-nostartfiles", "-Wl,--gc-sections", "-Wl,-n"]
     flags = [*_PROCESSOR, *_COMPILING, *keep, f"-Wl,-e,{candidate.name}_step"]
     program = cross_compile(compiler, flags, candidate.sources, LIBRARIES)
-    listing = subprocess.run(
-        [compiler.replace("gcc", "size"), "-A", str(program)], capture_output=True, text=True, check=True
-    ).stdout
+    listing = _answer([compiler.replace("gcc", "size"), "-A", str(program)])
     return float(sum(int(size) for size in re.findall(r"^\.(?:text|rodata)\S*\s+(\d+)", listing, re.MULTILINE)))
 
 
@@ -178,7 +184,7 @@ def m4_stack(candidate: Candidate) -> float:
             (Path(scratch) / name).write_text(text, encoding="utf-8")
         for name in (name for name in candidate.sources if name.endswith(".c")):
             command = [compiler, *_PROCESSOR, *_COMPILING, "-fcallgraph-info=su", "-c", name, "-o", f"{name}.o"]
-            subprocess.run(command, cwd=scratch, capture_output=True, check=True)
+            run_compiler(command, Path(scratch), compiler)
             graph = next(path for path in Path(scratch).glob("*.ci")).read_text(encoding="utf-8")
             for title, size in re.findall(r'title: "([^"]+)" label: "[^"]*?(\d+) bytes', graph):
                 frames[title] = int(size)

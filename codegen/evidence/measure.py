@@ -7,11 +7,10 @@ the same code gives the same report on any machine, with or without the compiler
 from __future__ import annotations
 
 import hashlib
-import os
 import shutil
-import subprocess
 import tempfile
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -20,15 +19,17 @@ from pycparser import c_ast
 
 from codegen.evidence.emitted import code_of
 from codegen.evidence.ledger import Program
+from codegen.evidence.programs import ProgramError, run_program
 from codegen.evidence.units import Unit
 from codegen.output.folder import FolderError, read_manifest
 from codegen.targets.description import StandIn
 
-#: Seconds after which it is taken to hang.
-PATIENCE = 300.0
-
 #: Its keys in manifest.json: source_sha256, and either compiler, stack_bytes and text_bytes, or not_measured.
 Record = dict[str, Any]
+
+
+class RefusedError(Exception):
+    """A compiler that takes no part in it, for want of its C library say."""
 
 
 def kept_records(folder: Path) -> dict[str, Record]:
@@ -60,7 +61,11 @@ class Measurer:
     _objects: dict[str, tuple[dict[str, int], int]] = field(default_factory=dict)
 
     def __call__(self, files: Mapping[str, str], program: Program, function: str) -> Record:
-        """Record of ``function``, with everything it calls; ``files`` are the folder's texts."""
+        """Record of ``function``, with everything it calls; ``files`` are the folder's texts.
+
+        A compiler that refuses them, for want of its C library say, leaves them unmeasured; one that crashes or hangs
+        has said nothing of them, and that is a ProgramError.
+        """
         stand_in = program.target.stand_in
         units = _reached(program, *program.find(function))
         key = _digest(stand_in.flags, {name: files[name] for unit in units for name in unit.files})
@@ -75,7 +80,7 @@ class Measurer:
         try:
             objects = {unit.name: self._object(files, unit, stand_in) for unit in units}
             version = compiler_version(stand_in)
-        except (OSError, subprocess.SubprocessError):
+        except RefusedError:
             return {"source_sha256": key, "not_measured": f"{stand_in.compiler} failed on it"}
         return {
             "source_sha256": key,
@@ -107,9 +112,9 @@ def compiler_version(stand_in: StandIn) -> str:
     ----------
     stand_in : StandIn
     """
-    return subprocess.run(
-        [stand_in.compiler, "-dumpfullversion"], capture_output=True, text=True, check=True, timeout=PATIENCE
-    ).stdout.strip()
+    command = [stand_in.compiler, "-dumpfullversion"]
+    with _read_from(command):
+        return _answer(command).split()[0]
 
 
 def compile_object(files: Mapping[str, str], source: str, stand_in: StandIn) -> tuple[dict[str, int], int]:
@@ -127,18 +132,32 @@ def compile_object(files: Mapping[str, str], source: str, stand_in: StandIn) -> 
         for name, text in files.items():
             (Path(scratch) / name).write_text(text, encoding="utf-8")
         command = [stand_in.compiler, *stand_in.flags, "-fstack-usage", "-c", source, "-o", "measured.o"]
-        environment = {**os.environ, "TMPDIR": scratch}  # what an interrupted compiler leaves goes with the folder
-        subprocess.run(command, cwd=scratch, env=environment, check=True, capture_output=True, timeout=PATIENCE)
-        frames = _frames((Path(scratch) / "measured.su").read_text(encoding="utf-8"))
-        size = subprocess.run(
-            [stand_in.compiler.replace("gcc", "size"), "measured.o"],
-            cwd=scratch,
-            check=True,
-            capture_output=True,
-            text=True,
-            timeout=PATIENCE,
-        )
-    return frames, int(size.stdout.splitlines()[1].split()[0])
+        _answer(command, source, Path(scratch))
+        with _read_from(command, source):
+            frames = _frames((Path(scratch) / "measured.su").read_text(encoding="utf-8"))
+        command = [stand_in.compiler.replace("gcc", "size"), "measured.o"]
+        size = _answer(command, source, Path(scratch))
+        with _read_from(command, source):
+            return frames, int(size.splitlines()[1].split()[0])
+
+
+def _answer(command: Sequence[str], source: str = "", folder: Path | None = None) -> str:
+    ended = run_program(command, folder=folder, on=source, temporary=folder)
+    if ended.crash:
+        raise ProgramError(f"{command[0]} crashed{f' on {source}' if source else ''}: {ended.crash}")
+    if ended.code:
+        raise RefusedError
+    return ended.out
+
+
+@contextmanager
+def _read_from(command: Sequence[str], source: str = "") -> Iterator[None]:
+    """What is no answer of a program is a ProgramError."""
+    try:
+        yield
+    except (OSError, ValueError, IndexError):
+        on = f" on {source}" if source else ""
+        raise ProgramError(f"{command[0]} ended well{on}, but what it made cannot be read.") from None
 
 
 def _frames(usage: str) -> dict[str, int]:

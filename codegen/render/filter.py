@@ -153,6 +153,7 @@ def render_filter(
         states_comment=", ".join(f"{state.name} {state.unit}" for state in model.states),
         state_places=[(state_place(common["p"], name), k) for k, name in enumerate(layout.states)],
         variance_places=[(variance_place(common["p"], layout, name), layout.variance(name)) for name in layout.states],
+        nan_rejects="none" if numbers.generated_trig else "all",  # by bits it is above all, by squares above nothing
         unused="" if looped else "; unused here: " + ("iterating is idle" if step.iteration_proof else "no iteration"),
     )
     source = render(

@@ -40,7 +40,8 @@ def index() -> str:
     cards = "\n".join(f"[![]({name}.svg) {told(name)[0]}]({name}.md)\n" for name in SCRIPTS)
     return f"""# Gallery
 
-Scripts of at most forty lines, each with the figure it makes. Each runs as it is, in some seconds:
+Scripts of at most forty lines, each with the figure it makes. Each runs as it is, in some seconds, where
+`pip install 'pmsm-ickf[report]'` was done:
 
     python docs/gallery/paper_no_load.py
 

@@ -14,7 +14,8 @@ extern "C" {
 
 typedef struct {
     hub_36v_ckf_t filter; /* the estimator and its tuning */
-    /* speed_p, current_d_p, current_q_p and dead_current must be positive */
+    /* speed_p, current_d_p, current_q_p and dead_current must be positive. None may be NaN: duty cycles stay in 0 .. 1, but
+     * voltage or torque is 0 then, and the status need not say so. */
     float32 gain[10]; /* speed_p, speed_i, current_d_p, current_q_p, current_i, max_current, compensation, dead_current, advance, weakening */
     float32 integrator[4]; /* speed N m, d and q current V, weakening A */
     float32 command_max[2]; /* speed reference rad/s, DC link V: commands beyond are rejected */

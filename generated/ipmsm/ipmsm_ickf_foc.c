@@ -96,7 +96,7 @@ static float32 wrap_angle(float32 x)
     return (x * x <= INSIDE) ? x : larger(smaller(r, BELOW_PI), -3.1415925f);
 }
 
-/* A number within +-limit; NaN and infinity are not. By squares, as the filter does. */
+/* A number within +-limit; NaN and infinity are not. By squares, for which no limit that is NaN has anything within. */
 static int is_within(float32 value, float32 limit)
 {
     return (value * value <= limit * limit) ? 1 : 0;

@@ -36,8 +36,8 @@ typedef struct {
     float32 R[2]; /* measurement noise variances, A^2, each positive: 1e-18 .. 1e18 */
     float32 x_0[4]; /* state after paper_spmsm_ickf_reset */
     float32 P_0[4]; /* variances after paper_spmsm_ickf_reset */
-    float32 u_max; /* V: voltages beyond are rejected; 1e-18 .. 1e18 */
-    float32 y_max; /* A: currents beyond are rejected; 1e-18 .. 1e18 */
+    float32 u_max; /* V: voltages beyond are rejected; 1e-18 .. 1e18: NaN rejects none */
+    float32 y_max; /* A: currents beyond are rejected; 1e-18 .. 1e18: NaN rejects none */
     float32 nis_max; /* PMSM_DIVERGED from this mean of the normalised innovation squared on; expected: 2 */
     float32 nis_weight; /* of one measurement in that mean: one over the window's length in samples */
     float32 tolerance; /* eps of (33); unused here: iterating is idle */

@@ -10,7 +10,9 @@ from __future__ import annotations
 import difflib
 import hashlib
 import math
+import os
 import re
+import stat
 import tomllib
 from collections.abc import Mapping
 from pathlib import Path
@@ -174,9 +176,25 @@ def unknown_drive(word: str | Path, nor: str = "nor a TOML file") -> str:
     nor : str, optional
         What else the place takes, as the end of "neither a shipped one ...".
     """
+    there = _what_is_there(word)
+    if there:
+        return f"no drive '{word}': {there}"
     close = difflib.get_close_matches(str(word), shipped_drives(), n=1)
     hint = f" Did you mean '{close[0]}'?" if close else ""
     return f"no drive '{word}': neither a shipped one ({', '.join(shipped_drives())}) {nor}.{hint}"
+
+
+def _what_is_there(word: str | Path) -> str:
+    """Why a file or a pipe of that name is no drive file; empty where there is neither."""
+    try:
+        mode = os.stat(word).st_mode
+    except (OSError, ValueError):
+        return ""
+    if stat.S_ISREG(mode):
+        return "a drive file's name ends in .toml, which this one's does not."
+    if stat.S_ISDIR(mode):
+        return ""
+    return "it is a pipe or a device, and a drive file is read more than once: write it to a file that ends in .toml."
 
 
 def load_drive(drive: str | Path) -> Drive:

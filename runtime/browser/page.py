@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import base64
-import os
 import shutil
-import subprocess
 import tempfile
 from pathlib import Path
 
@@ -16,6 +14,7 @@ from codegen.render.equations import readable
 from model.machines.state_space import build
 from model.schema import Drive
 from runtime.drive.experiment import simulate
+from runtime.estimator.compiler import run_compiler
 from runtime.estimator.folder import GeneratedFolder
 from runtime.folders.resolve import NamedDrive
 from runtime.recorded.units import RPM
@@ -54,11 +53,7 @@ def compile_filter(folder: GeneratedFolder, kind: str) -> bytes:
         names = [f"-DFILTER={name}", f'-DHEADER="{name}.h"', f"-I{scratch}"]
         files = [str(Path(__file__).with_name("browser.c")), str(Path(scratch) / f"{name}.c")]
         command = ["clang", *FLAGS, *names, *files, "-o", str(module)]
-        environment = {**os.environ, "TMPDIR": scratch}  # what an interrupted compiler leaves goes with the folder
-        done = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
-        if done.returncode:
-            first = done.stderr.strip().partition("\n")[0]
-            raise UserError(f"clang could not make WebAssembly of {name}.c: {first}")
+        run_compiler(command, Path(scratch), "clang, for WebAssembly,")
         return module.read_bytes()
 
 

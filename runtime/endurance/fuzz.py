@@ -27,6 +27,7 @@ from runtime.estimator.threads import thread_count
 from runtime.firmware.tools import MissingTool, find_tool
 from runtime.system.errors import UserError
 from runtime.system.files import make_folder
+from runtime.system.programs import run_to_end
 
 SANITIZERS = (
     "-fsanitize=fuzzer,address,undefined,float-cast-overflow",
@@ -80,9 +81,9 @@ def find_fuzzer() -> str:
         If clang or a library is not installed.
     """
     clang = find_tool("clang")
-    said = subprocess.run([clang, "-dumpversion"], capture_output=True, text=True, check=False).stdout
+    said = run_to_end([clang, "-dumpversion"]).out
     package = f"libclang-rt-{said.partition('.')[0] or '14'}-dev"
-    folder = subprocess.run([clang, "--print-runtime-dir"], capture_output=True, text=True, check=False).stdout.strip()
+    folder = run_to_end([clang, "--print-runtime-dir"]).out.strip()
     for library in ("fuzzer", "asan"):
         if not folder or not any(Path(folder).glob(f"libclang_rt.{library}*.a")):
             raise MissingTool(f"clang's {library} runtime", package)

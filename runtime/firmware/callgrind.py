@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import re
 import shutil
-import subprocess
 import tempfile
 from collections.abc import Sequence
 from pathlib import Path
@@ -16,6 +15,7 @@ from pathlib import Path
 from runtime.firmware.emulator import PATIENCE
 from runtime.firmware.tools import MissingTool
 from runtime.system.errors import UserError
+from runtime.system.programs import run_to_end
 
 _TOTALS = re.compile(r"^totals: (\d+)", re.MULTILINE)
 _COLLECTED = re.compile(r"Collected\s*:\s*(\d+)")
@@ -71,13 +71,10 @@ def _counted(options: Sequence[str], program: Path, function: str, arguments: Se
     if valgrind is None:
         raise MissingTool("valgrind", "valgrind")
     command = [valgrind, "--tool=callgrind", f"--toggle-collect={function}", *options, str(program), *arguments]
-    try:
-        done = subprocess.run(command, capture_output=True, text=True, timeout=PATIENCE, check=False)
-    except subprocess.TimeoutExpired:
-        raise UserError(f"callgrind on '{program.name}' did not end within {PATIENCE} s.") from None
-    found = _COLLECTED.search(done.stderr)
-    if done.returncode != 0 or found is None:
-        raise UserError(f"callgrind on '{program.name}' failed: {done.stderr.strip()[-200:]!r}")
+    done = run_to_end(command, f"callgrind on '{program.name}'", PATIENCE)
+    found = _COLLECTED.search(done.err)
+    if done.code != 0 or found is None:
+        raise UserError(f"callgrind on '{program.name}' failed: {done.err.strip()[-200:]!r}")
     if not int(found.group(1)):
         raise UserError(f"callgrind on '{program.name}': '{function}' was never entered, or it was inlined.")
     return int(found.group(1))

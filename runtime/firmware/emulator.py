@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-import subprocess
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,6 +14,7 @@ from numpy.typing import NDArray
 from runtime.firmware.recording import Recording
 from runtime.firmware.subject import Subject
 from runtime.system.errors import UserError
+from runtime.system.programs import run_to_end
 
 Array = NDArray[Any]
 
@@ -84,15 +84,7 @@ def dumped_words(text: str, count: int, what: str) -> Array:
 
 def emulate(command: Sequence[str], program: Path, what: str) -> str:
     """Run an emulator on a program; what it printed, on either stream."""
-    try:
-        done = subprocess.run(
-            [*command, str(program)],
-            stdin=subprocess.DEVNULL,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.STDOUT,
-            timeout=PATIENCE,
-            check=False,
-        )
-    except subprocess.TimeoutExpired:
-        raise UserError(f"{what} did not end within {PATIENCE} s.") from None
-    return _COLOUR.sub("", done.stdout.decode("ascii", "replace"))
+    done = run_to_end([*command, str(program)], what, PATIENCE)
+    if done.crash:
+        raise UserError(f"{what} crashed: {done.crash}")
+    return _COLOUR.sub("", done.out + done.err)

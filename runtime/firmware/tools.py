@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import shutil
-import subprocess
 from collections.abc import Iterable
 from pathlib import Path
 
 from runtime.system.errors import UserError
 from runtime.system.needs import PROGRAMS
+from runtime.system.programs import run_to_end
 
 #: Program -> the Debian package it comes in.
 PACKAGES = {program.name: program.debian[0] for program in PROGRAMS}
@@ -54,7 +54,7 @@ def find_tool(program: str) -> str:
         raise MissingTool(program, PACKAGES[program])
     if program in LIBRARIES:
         package, name = LIBRARIES[program]
-        answer = subprocess.run([path, f"-print-file-name={name}"], capture_output=True, text=True, check=False)
-        if not Path(answer.stdout.strip()).is_absolute():
+        answer = run_to_end([path, f"-print-file-name={name}"])
+        if not Path(answer.out.strip()).is_absolute():
             raise MissingTool(f"{name} of {program}", package)
     return path

@@ -2,12 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from types import ModuleType, SimpleNamespace
 from typing import Any
 
 import numpy as np
 
+from runtime.proof.align import LEFT_ACROSS
+from runtime.proof.mode_walk import NEAR
 from runtime.proof.modes import Modes
+
+#: Interrupts of an alignment after those of a drive that aligns.
+ALIGNED = 100
 
 
 def inputs(hand: Modes, rng: np.random.Generator, dtype: Any) -> tuple[Any, Any]:
@@ -50,16 +56,7 @@ def set_drive(d: SimpleNamespace, module: ModuleType, hand: Modes, rng: np.rando
     s = d.supervisor
     more = ("RUNNING",) * 2 if hasattr(s, "aligns") else ()  # the one mode of such a drive with torque
     name = str(rng.choice([*module.MODES, *more]))
-    s.mode = np.int64(module.MODES.index(name))
-    s.runs = np.int64(name in ("CATCHING", "STARTING", "RUNNING"))
-    s.torque = np.int64(name in ("STARTING", "RUNNING"))
-    if hasattr(s, "rivals"):
-        s.rivals = np.int64(name == "STARTING")
-    if hasattr(s, "aligns"):
-        s.aligns, s.calm = np.int64(name == "ALIGNING"), np.int64(hand.calm - rng.integers(0, 3))
-        way, size = rng.uniform(-np.pi, np.pi), rng.uniform(0, 1) * hand.align_current
-        s.axis = tuple(dtype(v) for v in (np.cos(way), np.sin(way), size))
-        s.aligning = (dtype(rng.choice([0.0, 0.7, 1.0, 1.6, 2.0])),)
+    _set_mode(s, name, module, hand, rng, dtype)
     for field in ("fresh", "anew", "acknowledged"):
         setattr(s, field, np.int64(rng.integers(2)))
     s.since = np.int64(rng.integers(0, hand.samples(0.01)))
@@ -78,6 +75,69 @@ def set_drive(d: SimpleNamespace, module: ModuleType, hand: Modes, rng: np.rando
     for field in ("v_acting", "v_queued"):
         setattr(d.control, field, tuple(dtype(v) for v in rng.uniform(-1, 1, 2)))
     return True
+
+
+def _set_mode(
+    s: SimpleNamespace, name: str, module: ModuleType, hand: Modes, rng: np.random.Generator, dtype: Any
+) -> None:
+    """A mode with what it allows."""
+    s.mode = np.int64(module.MODES.index(name))
+    s.runs = np.int64(name in ("CATCHING", "STARTING", "RUNNING"))
+    s.torque = np.int64(name in ("STARTING", "RUNNING"))
+    if hasattr(s, "rivals"):
+        s.rivals = np.int64(name == "STARTING")
+    if hasattr(s, "aligns"):
+        s.aligns, s.calm = np.int64(name == "ALIGNING"), np.int64(hand.calm - rng.integers(0, 3))
+        way, size = rng.uniform(-np.pi, np.pi), rng.uniform(0, 1) * hand.align_current
+        s.axis = tuple(dtype(v) for v in (np.cos(way), np.sin(way), size))
+        s.aligning = (dtype(rng.choice([0.0, 0.7, 1.0, 1.6, 2.0])),)
+
+
+def count(hand: Modes, samples: int) -> int:
+    """Of :func:`draws`.
+
+    Parameters
+    ----------
+    hand : Modes
+    samples : int
+    """
+    return samples + (ALIGNED if hand.aligns else 0)
+
+
+def draws(
+    d: SimpleNamespace, module: ModuleType, hand: Modes, rng: np.random.Generator, dtype: Any, samples: int
+) -> Iterator[tuple[bool, Any, Any]]:
+    """Whether the drive was changed, and currents and command, interrupt by interrupt; then alignments, if it aligns.
+
+    Parameters
+    ----------
+    d : SimpleNamespace
+        Changed, now and then.
+    module : ModuleType
+        The generated module.
+    hand : Modes
+    rng : np.random.Generator
+    dtype : type
+    samples : int
+    """
+    for _ in range(samples):
+        yield set_drive(d, module, hand, rng, dtype), *inputs(hand, rng, dtype)
+    for _ in range(count(hand, 0)):
+        yield True, *_set_aligned(d, module, hand, rng, dtype)
+
+
+def _set_aligned(
+    d: SimpleNamespace, module: ModuleType, hand: Modes, rng: np.random.Generator, dtype: Any
+) -> tuple[Any, Any]:
+    """ALIGNING, with a current beside its axis about what is left to the rotor; some of it, and of links, is none."""
+    _set_mode(d.supervisor, "ALIGNING", module, hand, rng, dtype)
+    d.control.integrator = tuple(dtype(v) for v in hand.link * rng.uniform(-0.8, 0.8, 4))  # in some v is at its limit
+    across = LEFT_ACROSS * hand.most * rng.choice([-1, 1]) * (1 + rng.choice(NEAR))
+    i = (rng.uniform(-1, 1) * hand.most + 1j * across) * complex(*d.supervisor.axis[:2])
+    phase = np.array([i.real, -i.real / 2 + np.sqrt(3) / 2 * i.imag])
+    phase[rng.integers(2)] *= rng.choice([1.0, np.nan, np.inf, 1e6], p=(0.85, 0.05, 0.05, 0.05))
+    link = hand.link * rng.uniform(0.4, 1.4) * rng.choice([1.0, np.nan, np.inf, 1e6], p=(0.85, 0.05, 0.05, 0.05))
+    return tuple(dtype(v) for v in phase), (dtype(0.0), dtype(link))
 
 
 def _set_angle(f: SimpleNamespace, module: ModuleType, rng: np.random.Generator, dtype: Any) -> None:

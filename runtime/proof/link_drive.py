@@ -20,7 +20,7 @@ from runtime.estimator.compiler import build_library, compiler_name, open_librar
 from runtime.estimator.folder import GeneratedFolder
 from runtime.proof.align import aligned
 from runtime.proof.control import clarke
-from runtime.proof.drive_draws import inputs, set_drive
+from runtime.proof.drive_draws import count, draws
 from runtime.proof.link_injection import injected, learnt
 from runtime.proof.mode_walk import Walk, lane_of
 from runtime.proof.modes import OFF, TORQUE, Modes
@@ -74,12 +74,12 @@ def link_drive(
         any_memory(compiled, folder.module, ANY_MEMORY),
         _drive_bits(compiled, folder.module, kind, hand, samples),
     )
-    data = f"{LANES * interrupts} interrupts, {2 * samples} of the drive, {compiler_name()} -O0"
+    data = f"{LANES * interrupts} interrupts, {2 * count(hand, samples)} of the drive, {compiler_name()} -O0"
     claim = "supervisor and drive: NumPy float32 = C, bit for bit"
     bits = Link("D-E", claim, folder.drive, kind, gain, data, rows)
     found = by_hand(folder.module, kind, hand, samples)
     claim = "drive by hand = generated float64"
-    return [Link("supervisor", claim, folder.drive, kind, gain, f"{2 * samples} interrupts", found), bits]
+    return [Link("supervisor", claim, folder.drive, kind, gain, f"{2 * count(hand, samples)} interrupts", found), bits]
 
 
 # --- by hand
@@ -102,9 +102,7 @@ def by_hand(module: ModuleType, kind: str, hand: Modes, samples: int) -> tuple[R
     for delay in (0, 1):
         rng = np.random.default_rng(delay)
         d = module.new_drive(np.float64, delay)
-        for _ in range(samples):
-            set_drive(d, module, hand, rng, np.float64)
-            phase, command = inputs(hand, rng, np.float64)
+        for _, phase, command in draws(d, module, hand, rng, np.float64, samples):
             wanted = deepcopy(d)
             seen.add(module.MODES[d.supervisor.mode])
             with np.errstate(all="ignore"):
@@ -115,9 +113,9 @@ def by_hand(module: ModuleType, kind: str, hand: Modes, samples: int) -> tuple[R
             worst = max(worst, _deviation(found, [*_numbers(wanted), *duty_wanted, inverter_wanted]))
     missed = float(len(set(module.MODES) - seen))
     return (
-        Row("-", "drive", "every field, duty cycles, inverter", worst, ALLOWED, 2 * samples),
+        Row("-", "drive", "every field, duty cycles, inverter", worst, ALLOWED, 2 * count(hand, samples)),
         Row("-", "drive, modes", "not visited", missed, 0.0, len(seen)),
-        Row("-", "drive, angle", "never seen, or always", float(2 - len(bits)), 0.0, 2 * samples),
+        Row("-", "drive, angle", "never seen, or always", float(2 - len(bits)), 0.0, 2 * count(hand, samples)),
         _by_link(module, hand),
     )
 
@@ -386,13 +384,12 @@ def _drive_bits(compiled: Compiled, module: ModuleType, kind: str, hand: Modes, 
         compiled.function("drive_init")(made, delay)
         twin, duty = module.new_drive(np.float32, delay), compiled.ffi.new("float[3]")
         different += int(_differ(view[0:1], twin).sum())
-        for _ in range(samples):
-            if set_drive(twin, module, hand, rng, np.float32):
+        for changed, phase, command in draws(twin, module, hand, rng, np.float32, samples):
+            if changed:
                 store_struct(view, twin)
-            phase, command = inputs(hand, rng, np.float32)
             inverter = compiled.function("drive_step")(made, phase, command, duty)
             with np.errstate(all="ignore"):
                 duties, told = module.drive_step(twin, module.STEPS[kind], phase, command, math)
             same = list(duty) == [float(v) for v in duties] and inverter == int(told)
             different += int(not same or bool(_differ(view, twin).any()))
-    return Row("-", "drive, every field", "interrupts that differ", float(different), 0.0, 2 * samples)
+    return Row("-", "drive, every field", "interrupts that differ", float(different), 0.0, 2 * count(hand, samples))

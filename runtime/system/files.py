@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import BinaryIO
 
 from runtime.system.errors import UserError, stop_if_interrupted
+from runtime.system.streams import UnreadError
 
 
 @contextmanager
@@ -23,6 +24,8 @@ def whole_file(path: Path) -> Iterator[BinaryIO]:
     ------
     UserError
         If it cannot be written; what was at ``path`` is still there.
+    UnreadError
+        It is a pipe that nobody reads any more.
     KeyboardInterrupt
         A Ctrl-C that a library swallowed before: nothing is begun after it.
     """
@@ -40,6 +43,8 @@ def whole_file(path: Path) -> Iterator[BinaryIO]:
             os.replace(part, place)
         finally:
             part.unlink(missing_ok=True)
+    except BrokenPipeError as error:
+        raise UnreadError(*error.args) from None
     except OSError as error:
         raise UserError(f"cannot write '{path}': {error.strerror or error}.") from None
 

@@ -10,6 +10,10 @@ import sys
 UNREAD = 141
 
 
+class UnreadError(BrokenPipeError):
+    """Nobody reads the output of the command any more."""
+
+
 def open_streams() -> None:
     """Open what the caller has closed (``>&-``) to nowhere.
 

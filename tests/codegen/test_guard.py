@@ -72,6 +72,29 @@ def test_c_and_numpy_accept_the_same(place: int) -> None:
         assert rejected == [not np.abs(value) <= limit] * 2, value
 
 
+@pytest.mark.parametrize(
+    ("dtype", "header"), [("float32", "paper_spmsm_ckf.h"), ("float64", "host/paper_spmsm_ckf_f64.h")]
+)
+@pytest.mark.parametrize("limit", ["u_max", "y_max"])
+def test_a_limit_that_is_nan_does_what_the_header_says(limit: str, dtype: str, header: str) -> None:
+    """It rejects none, by bits, or all, by squares; either way x is numbers, or the status says that it was not."""
+    from runtime import load
+
+    says = re.search(rf" {limit}; /\* .* NaN rejects (none|all) \*/", find_folder("paper_spmsm").text(header))
+    assert says
+    one = load("paper_spmsm", filter="ckf", backend="c", dtype=dtype)
+    assert isinstance(one.backend, CBackend)
+    for value in (1.0, 1e6, np.inf, np.nan):
+        one.reset()
+        setattr(one.backend.filters[0], limit, np.nan)
+        u = np.full((3, 2), value if limit == "u_max" else 1.0)
+        trace = one.run(u, np.full((3, 2), value if limit == "y_max" else 1.0))
+        assert np.all((trace.status & 1) == (says[1] == "all"))
+        assert np.all(np.isfinite(trace.x))
+        told = np.isfinite(value) or says[1] == "all" or np.all(trace.status & 32)
+        assert told, "PMSM_RESTARTED"
+
+
 def without_guards(source: str) -> str:
     """A filter's C with nothing left that watches: pivots, sum and mean go unseen, and nothing is done about them."""
     for watching in (

@@ -3,19 +3,24 @@
 from __future__ import annotations
 
 import json
+import re
 import shutil
+from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
-from types import SimpleNamespace
 
 import pytest
 
 from codegen.evidence import measure
 from codegen.evidence.ledger import Program
-from codegen.evidence.measure import Measurer, kept_records, not_found
+from codegen.evidence.measure import Measurer, compiler_version, kept_records, not_found
+from codegen.evidence.programs import ProgramError
 from codegen.generate import generate
 from codegen.output.folder import write_folder
+from codegen.targets.description import StandIn
 from codegen.targets.find import default_target
 from model.drives.load import load_drive
+from runtime import cli
 from runtime.estimator.folder import GENERATED
 
 STAND_IN = default_target().stand_in
@@ -112,11 +117,69 @@ def test_other_flags_are_another_measurement() -> None:
     assert measure._digest(("-O0",), {"a.c": "int a;"}) != measure._digest(STAND_IN.flags, {"a.c": "int a;"})
 
 
-def test_text_is_the_first_column_of_the_size_tool(monkeypatch: pytest.MonkeyPatch) -> None:
-    def run(command: list[str], cwd: str, **given: object) -> SimpleNamespace:
-        if command[0] == STAND_IN.compiler:
-            (Path(cwd) / "measured.su").write_text("a.c:1:5:step\t40\tstatic\n")
-        return SimpleNamespace(stdout="   text\tdata\tbss\tdec\thex\tfilename\n  123\t 4\t 5\t 132\t 84\tmeasured.o\n")
+def stand_in_of(tmp_path: Path, compiler: str, size: str = "exit 0") -> StandIn:
+    """The stand-in with a compiler and its size tool that are shell scripts of ours."""
+    for tool, text in (("a-gcc", compiler), ("a-size", size)):
+        (tmp_path / tool).write_text(f"#!/bin/sh\n{text}\n")
+        (tmp_path / tool).chmod(0o755)
+    return replace(STAND_IN, compiler=str(tmp_path / "a-gcc"), flags=())
 
-    monkeypatch.setattr(measure.subprocess, "run", run)
-    assert measure.compile_object({"a.c": "int a;"}, "a.c", STAND_IN) == ({"step": 40}, 123)
+
+USAGE = "printf 'a.c:1:5:step\\t40\\tstatic\\n' > measured.su"
+SIZES = "printf ' text\\tdata\\tbss\\tdec\\n  123\\t 4\\t 5\\t 132\\n'"
+
+
+def test_text_is_the_first_column_of_the_size_tool(tmp_path: Path) -> None:
+    stand_in = stand_in_of(tmp_path, USAGE, SIZES)
+    assert measure.compile_object({"a.c": "int a;"}, "a.c", stand_in) == ({"step": 40}, 123)
+
+
+@pytest.mark.parametrize(
+    ("compiler", "size", "said"),
+    [
+        ("kill -SEGV $$", SIZES, "a-gcc crashed on a.c: Segmentation fault."),
+        ("echo 'a.c:1: internal compiler error: in x' >&2; exit 1", SIZES, "a-gcc crashed on a.c: a.c:1: internal"),
+        ("echo 'fatal error: Killed signal terminated program cc1' >&2; exit 1", SIZES, "Killed signal"),
+        ("sleep 60", SIZES, "a-gcc did not end within 0.5 s on a.c."),
+        ("exit 0", SIZES, "a-gcc ended well on a.c, but what it made cannot be read."),
+        ("echo no table > measured.su", SIZES, "a-gcc ended well on a.c, but"),
+        (r"printf '\377\376' > measured.su", SIZES, "a-gcc ended well on a.c, but"),
+        (USAGE, "exit 0", "a-size ended well on a.c, but"),
+        (USAGE, r"printf 'x\n\377 b\n'", "a-size ended well on a.c, but"),
+        (USAGE, "kill -KILL $$", "a-size crashed on a.c: Killed."),
+    ],
+)
+def test_a_compiler_that_crashes_or_hangs_is_one_line(
+    compiler: str, size: str, said: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It has said nothing of the code: that is not kept as a finding. What it has started ends with it."""
+    monkeypatch.setattr("codegen.evidence.programs.PATIENCE", 0.5 if "sleep" in compiler else 60.0)
+    with pytest.raises(ProgramError, match=re.escape(said)) as caught:
+        measure.compile_object({"a.c": "int a;"}, "a.c", stand_in_of(tmp_path, compiler, size))
+    assert "\n" not in str(caught.value)
+
+
+def test_a_compiler_that_cannot_be_started_or_has_no_version_is_one_line(tmp_path: Path) -> None:
+    gone = replace(STAND_IN, compiler=str(tmp_path / "none"))
+    with pytest.raises(ProgramError, match=r"none cannot be started: No such file or directory\.$"):
+        measure.compile_object({"a.c": "int a;"}, "a.c", gone)
+    with pytest.raises(ProgramError, match=r"a-gcc ended well, but what it made cannot be read\.$"):
+        compiler_version(stand_in_of(tmp_path, "exit 0"))
+
+
+def test_a_compiler_that_refuses_leaves_it_unmeasured(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """For want of its C library, say; one that crashes ends the command, by the same way."""
+    files, _ = committed()
+    stand_in_of(tmp_path, "echo 'fatal error: math.h: No such file or directory' >&2; exit 1")
+    for tool in ("gcc", "size"):
+        (tmp_path / f"a-{tool}").rename(tmp_path / f"arm-none-eabi-{tool}")
+    monkeypatch.setenv("PATH", str(tmp_path), prepend=":")
+    assert record(Measurer(compile=True), files)["not_measured"] == "arm-none-eabi-gcc failed on it"
+    (tmp_path / "arm-none-eabi-gcc").write_text("#!/bin/sh\nkill -SEGV $$\n")
+    assert cli._explained(caught_of(lambda: record(Measurer(compile=True), files))) == 2
+
+
+def caught_of(call: Callable[[], object]) -> Exception:
+    with pytest.raises(ProgramError) as caught:
+        call()
+    return caught.value

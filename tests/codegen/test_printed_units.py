@@ -128,8 +128,8 @@ def test_constants_are_their_formulas(made: Made) -> None:
 FILTER_UNITS = {
     "R": "measurement noise variances, A^2, each positive: 1e-18 .. 1e18",
     "Q": "process noise variances per step, each positive: 1e-18 .. 1e18",
-    "u_max": "V: voltages beyond are rejected; 1e-18 .. 1e18",
-    "y_max": "A: currents beyond are rejected; 1e-18 .. 1e18",
+    "u_max": "V: voltages beyond are rejected; 1e-18 .. 1e18: NaN rejects none",
+    "y_max": "A: currents beyond are rejected; 1e-18 .. 1e18: NaN rejects none",
     "u_held": "V: last accepted voltages",
     "nis_max": "from this mean of the normalised innovation squared on; expected: 2",
 }

@@ -148,6 +148,16 @@ def test_only_long_chapters_begin_a_sheet(tmp_path: Path) -> None:
     assert _paper(tmp_path / "long.html", tmp_path) == 5
 
 
+def test_the_first_screen_of_a_drive_is_one_sheet(tmp_path: Path) -> None:
+    write_page(tmp_path / "a.html", [_chapter()])
+    text = (tmp_path / "a.html").read_text(encoding="utf-8")
+    first = text.partition("</section>")[0]
+    for more, sheets in ((0, 1), (20, 2)):
+        page = f"{first}{'<p>one more</p>' * more}</section></body></html>"
+        (tmp_path / "first.html").write_text(page, encoding="utf-8")
+        assert _paper(tmp_path / "first.html", tmp_path) == sheets
+
+
 def test_heads_of_tables_are_repeated_on_every_sheet(page: str) -> None:
     """A browser repeats what stands in thead alone."""
     assert page.count("<table><thead><tr><th") > 20

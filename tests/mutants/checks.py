@@ -177,6 +177,17 @@ def controller(bench: Bench, name: str) -> Iterator[Any]:
 
 def supervisor(bench: Bench, name: str) -> Iterator[Any]:
     """Every state of the machine; its modes by hand; supervisor and drive in C; the square wave by hand."""
+    yield from _modes(bench.fresh("fast", name), bench.truth(name))
+
+
+def aligned(bench: Bench, name: str) -> Iterator[Any]:
+    """The same of a drive whose start is an alignment, which no shipped one is."""
+    truth = bench.truth(name, kinds=("ckf",))
+    truth = type(truth).model_validate(truth.model_dump() | {"start": {"method": "align"}})
+    yield from _modes(Fresh(truth, "fast"), truth)
+
+
+def _modes(fresh: Fresh, truth: Any) -> Iterator[Any]:
     from model.supervisor import supervisor as declared
     from runtime.proof.exhaust import link_exhaust
     from runtime.proof.link_drive import link_drive
@@ -185,11 +196,10 @@ def supervisor(bench: Bench, name: str) -> Iterator[Any]:
     from runtime.proof.modes import Modes
     from runtime.proof.second import second_motor
 
-    truth, fresh = bench.truth(name), bench.fresh("fast", name)
+    name, kind = truth.name, next(iter(fresh.steps))
     data, flux = truth.model_dump(), fresh.model.states[0].unit == "Wb"
     machine = declared(truth, fresh.model)
     yield link_exhaust(machine, name, truth.model.sample_time, Modes(data, flux).longest)
-    kind = next(iter(fresh.steps))
     yield link_modes(fresh, kind, truth.filter.gain, data, second_motor(truth))  # type: ignore[arg-type]
     yield from link_drive(fresh, kind, truth.filter.gain, data)  # type: ignore[arg-type]
     if hasattr(fresh.module, "inject"):
@@ -225,6 +235,7 @@ LINKS: dict[str, Callable[..., Iterator[Any]]] = {
     "D-E": bits,
     "controller": controller,
     "supervisor": supervisor,
+    "aligned": aligned,
     "drive-lanes": drive_lanes,
 }
 

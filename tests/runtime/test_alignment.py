@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import math
 import tomllib
+from collections import Counter
 from functools import cache
 from types import ModuleType
 from typing import Any
 
+import mpmath
 import numpy as np
 import pytest
 
@@ -16,7 +18,8 @@ from codegen.output.folder import write_folder
 from model.alignment import align_current, align_resistance, align_time, decay_time, swing
 from model.drives.load import load_drive, parse_drive
 from model.machines.state_space import build
-from model.schema import Drive, DriveError, Start
+from model.rating import inverter_voltage
+from model.schema import Drive, DriveError, Motor, Start
 from model.supervisor import supervisor
 from runtime.drive.scenario import Scenario
 from runtime.estimator.folder import GENERATED, GeneratedFolder
@@ -26,9 +29,11 @@ from runtime.proof.exhaust import link_exhaust
 from runtime.proof.link_drive import link_drive
 from runtime.proof.link_modes import link_modes
 from runtime.proof.link_text import link_text
+from runtime.proof.mode_numbers import Numbers
 from runtime.proof.modes import Modes
 from runtime.proof.second import second_motor
 from tests.conftest import thoroughly, variant
+from tests.model.accepted import MACHINES, draw_drive
 
 #: Behind dead time with R as a state; salient; flux linkages as states.
 ALIGNED = ["servo_24v", "ipmsm", *thoroughly("ipmsm_flux", "spmsm_load_torque", "hub_36v")]
@@ -73,6 +78,45 @@ def test_the_resistance_damps_a_swing_best() -> None:
         assert decay_time(drive) * swing(drive) * (ratio - 1) / 4 == pytest.approx(1.0)
 
 
+@pytest.mark.parametrize("machine", MACHINES)
+def test_the_numbers_are_those_by_hand_on_all_motors_that_are_accepted(machine: str) -> None:
+    """Every limit of the current and of the resistance counts for some, which it does for no shipped drive."""
+    rng, met = np.random.default_rng(len(machine)), Counter[tuple[str, str | bool]]()
+    for _ in range(300):
+        drawn = draw_drive(rng, machine, "constant_speed", "exact", [])
+        drive = Drive.model_validate(drawn.model_dump() | {"start": {"method": "align"}})
+        m, hand, T = drive.motor, Numbers(drive.model_dump(), flux=False), drive.model.sample_time
+        found = align_current(drive), align_resistance(drive), swing(drive) ** 2
+        assert found == pytest.approx((hand.align_current, hand.across, hand.pull), rel=1e-12)
+        decay, turn, longest = times_by_hand(m, hand)
+        if longest < 32000 * T:  # what is longer is refused
+            assert align_time(drive) == pytest.approx(longest, rel=1e-6)
+            met["rises", turn > decay] += 1
+        else:
+            assert align_time(drive) > 31999 * T
+        least, other = sorted((m.inductance_d, m.inductance_q))
+        voltage = 0.5 * inverter_voltage(drive) / m.stator_resistance
+        of = {"share": 0.8 * hand.most, "R": voltage, "reluctance": m.magnet_flux / 2 / max(other - least, 1e-30)}
+        met["current", min(of, key=lambda name: of[name])] += 1
+        stiff = hand.across >= 0.999 * 0.5 * drive.control.current_bandwidth * least
+        met["across", "R" if hand.across == 0 else f"stiff, {other > least}" if stiff else "best"] += 1
+    seen = {("rises", True), ("rises", False), ("current", "share"), ("current", "R")}
+    seen |= {("across", "R"), ("across", "best"), ("across", f"stiff, {machine != 'surface'}")}
+    assert all(met[case] >= 5 for case in seen), met
+    assert machine == "surface" or met["current", "reluctance"] >= 5
+
+
+def times_by_hand(m: Motor, hand: Numbers) -> tuple[float, float, float]:
+    """In which a swing decays, the current is turned and all is over, s; roots that are 1e16 apart in 60 digits."""
+    flux, k = m.magnet_flux + m.inductance_d * hand.align_current, hand.pull / hand.align_current
+    R = m.stator_resistance + hand.across
+    with mpmath.workdps(60):
+        of = [mpmath.mpf(value) for value in (m.inductance_q, R, k * flux, hand.pull * R)]
+        decay = float(-1 / max(mpmath.re(root) for root in mpmath.polyroots(of, maxsteps=500, extraprec=400)))
+    turn = max(20e-3, decay)
+    return decay, turn, 2 * turn + 7 * decay + math.pi / math.sqrt(hand.pull)
+
+
 def test_reluctance_takes_no_more_than_half_of_the_magnets_hold() -> None:
     drive = aligned("traction_70kw")
     m, current = drive.motor, np.linspace(0.0, drive.control.max_current, 100_001)
@@ -98,7 +142,25 @@ def test_what_a_file_may_not_say(start: str, said: str) -> None:
 
 
 def test_an_alignment_that_no_int_can_count_is_refused() -> None:
-    drive = aligned("ipmsm", align_current=0.01)
+    met = Counter[float]()
+    for current in np.geomspace(0.01, 2.0, 40):
+        drive = aligned("ipmsm", align_current=float(current))
+        samples = align_time(drive) / drive.model.sample_time
+        met[min(samples // 16000, 4)] += 1
+        if samples > 32000:
+            with pytest.raises(DriveError, match="an int of 16 bits counts to 32000"):
+                supervisor(drive, build(drive))
+        else:
+            limits = {limit.name: limit.value for limit in supervisor(drive, build(drive)).limits}
+            assert limits["ALIGN_SAMPLES"] == round(samples)
+    assert {1.0, 2.0, 4.0} <= set(met), "just below, just beyond, and far"
+
+
+def test_a_rotor_too_heavy_to_turn_is_refused() -> None:
+    """Its swing dies down in 1e18 s beside a winding's 1e-10: in a cubic with such roots the slow one may be lost."""
+    motor = {"stator_resistance": 1e3, "inductance_d": 1e-7, "inductance_q": 1e-7, "magnet_flux": 1e-4, "inertia": 1e8}
+    drive = variant(aligned("ipmsm"), motor=motor)
+    assert decay_time(drive) == pytest.approx(1.4815e18, rel=1e-4)
     with pytest.raises(DriveError, match="an int of 16 bits counts to 32000"):
         supervisor(drive, build(drive))
 

@@ -35,6 +35,14 @@ def shell(line: str, cwd: Path) -> tuple[int, str]:
         ("$M verify --help >/dev/full", 2, "No space left on device: where the output of the command goes"),
         ("(sleep 2; $M --version) | true", UNREAD, ""),
         ("(sleep 2; $M verify --help) | true", UNREAD, ""),
+        ("(sleep 2; $M doctor --json /dev/stdout) | true", UNREAD, ""),
+        ("(sleep 2; $M doctor --json /dev/stdout) > >(true)", UNREAD, ""),
+        ("(sleep 2; exec 3>&1; $M doctor --json /dev/fd/3 >/dev/null) | true", UNREAD, ""),
+        ("$M simulate --scenario load_step --filters ckf --json /dev/stdout | true", UNREAD, ""),
+        ("$M doctor --json /dev/full", 2, "cannot write '/dev/full': No space left on device."),
+        ("$M verify <(echo)", 2, "it is a pipe or a device, and a drive file is read more than once"),
+        ("touch motor.txt; $M simulate motor.txt", 2, "a drive file's name ends in .toml, which this one's does not."),
+        ("mkfifo pipe.toml; $M generate pipe.toml", 2, "it is a pipe or a device, and a drive file is read"),
     ],
 )
 def test_streams_that_are_closed_full_or_read_by_nobody(line: str, code: int, said: str, tmp_path: Path) -> None:

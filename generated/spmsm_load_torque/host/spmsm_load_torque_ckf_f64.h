@@ -43,8 +43,8 @@ typedef struct {
     float64 R[2]; /* measurement noise variances, A^2, each positive: 1e-18 .. 1e18 */
     float64 x_0[5]; /* state after spmsm_load_torque_ckf_f64_reset */
     float64 P_0[5]; /* variances after spmsm_load_torque_ckf_f64_reset */
-    float64 u_max; /* V: voltages beyond are rejected; 1e-18 .. 1e18 */
-    float64 y_max; /* A: currents beyond are rejected; 1e-18 .. 1e18 */
+    float64 u_max; /* V: voltages beyond are rejected; 1e-18 .. 1e18: NaN rejects all */
+    float64 y_max; /* A: currents beyond are rejected; 1e-18 .. 1e18: NaN rejects all */
     float64 nis_max; /* PMSM_DIVERGED from this mean of the normalised innovation squared on; expected: 2 */
     float64 nis_weight; /* of one measurement in that mean: one over the window's length in samples */
     float64 tolerance; /* eps of (33); unused here: no iteration */

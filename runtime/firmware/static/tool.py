@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import shutil
-import subprocess
 from collections.abc import Sequence
 from pathlib import Path
 
 from runtime.firmware.static.check import Check
-from runtime.system.errors import UserError
 from runtime.system.needs import PROGRAMS
+from runtime.system.programs import run_to_end
 
 #: Debian package of each tool.
 PACKAGES = {"gcc": "gcc"} | {program.name: program.debian[0] for program in PROGRAMS}
@@ -26,14 +25,9 @@ def missing(name: str, subject: str, tool: str) -> Check | None:
 
 
 def run(command: Sequence[str], cwd: Path | None = None) -> tuple[int, str]:
-    """Exit code and everything said, standard output first; UserError if it does not end."""
-    try:
-        done = subprocess.run(
-            list(command), cwd=cwd, capture_output=True, text=True, check=False, timeout=PATIENCE, errors="replace"
-        )
-    except subprocess.TimeoutExpired:
-        raise UserError(f"{command[0]} did not end within {PATIENCE:g} s.") from None
-    return done.returncode, done.stdout + done.stderr
+    """Exit code and everything said, standard output first; UserError if it cannot be started or does not end."""
+    done = run_to_end(command, patience=PATIENCE, folder=cwd)
+    return done.code, done.out + done.err
 
 
 #: The example interrupt is two programs in one file; this is the one its own default leaves out.

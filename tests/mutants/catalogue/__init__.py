@@ -3,6 +3,7 @@ wrong judges, wrong designs."""
 
 from __future__ import annotations
 
+from tests.mutants.catalogue.alignment import ALIGNMENT
 from tests.mutants.catalogue.control import CONTROL
 from tests.mutants.catalogue.data import data_mutants
 from tests.mutants.catalogue.design import DESIGN
@@ -31,6 +32,7 @@ SOURCES: tuple[Mutant, ...] = (
     *ARITHMETIC,
     *CONTROL,
     *SUPERVISOR,
+    *ALIGNMENT,
     *DRIVE_LANES,
     *SURROUNDINGS,
     *JUDGES,

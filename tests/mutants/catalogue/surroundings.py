@@ -230,6 +230,7 @@ _FIGURES = {
         ("proved and seen in the note", "proved {bound.proved:.1e}", "proved {bound.seen:.1e}", FIGURES),
     ),
     "codegen/render/filter.py": (
+        ("what NaN rejects by bits and by squares", '"none" if numbers.generated_trig else "all"', '"all" if numbers.generated_trig else "none"', ("regenerated paper_spmsm tests/codegen/test_guard.py -k nan_does",)),
         ("sample time in ms", "sample_time * 1e6:g} us", "sample_time * 1e3:g} us", FIGURES),
         ("sinc's bound for cosm1's", "sinc {bound.sinc:.1e}, cosm1 {bound.cosm1:.1e}", "sinc {bound.cosm1:.1e}, cosm1 {bound.sinc:.1e}", FIGURES),
         ("small angles as far as d^2", "for d up to {LIMIT**0.5:.2g} rad", "for d up to {LIMIT:.2g} rad", FIGURES),
@@ -245,6 +246,7 @@ DIVISIONS, EVA = "pytest tests/target/test_divisions.py", "pytest tests/target/t
 EVA_MODES = "pytest tests/target/test_eva_modes.py"
 REPLAYED = "pytest tests/target/test_link_ef.py -k 'replayed or largest or subjects'"
 MEASURE, LEDGER, FPU = (f"pytest tests/codegen/test_{name}.py" for name in ("measure", "ledger", "fpu32"))
+TOLD, PROGRAMS = "noticed tests/codegen/test_measure.py", "noticed tests/runtime/test_programs.py"
 #: The other count, of what is executed; the ledger's own tests come first, since it takes longer.
 COUNTED = "pytest tests/codegen/test_counted.py -m 'not thorough'"
 
@@ -269,7 +271,15 @@ _EVIDENCE = {
         ("flags not in the key", '" ".join(flags), *(f"{name}', '"", *(f"{name}', (MEASURE,)),
         ("only the own file's code", "sum(text for _, text in objects.values())", "max(text for _, text in objects.values())", (MEASURE,)),
         ("data for text", "splitlines()[1].split()[0])", "splitlines()[1].split()[1])", (MEASURE,)),
+        ("a crash is a refusal", "    if ended.crash:\n", "    if False:\n", (TOLD,)),
+        ("a refusal is an answer", "    if ended.code:\n", "    if False:\n", (TOLD,)),
+        ("what cannot be read is a traceback", "except (OSError, ValueError, IndexError):", "except OSError:", (TOLD,)),
         ("kept though the code changed", 'usable = kept.get("source_sha256") == key', 'usable = "source_sha256" in kept', (MEASURE,)),
+    ),
+    "codegen/evidence/programs.py": (
+        ("what it started goes on", "os.killpg(process.pid, signal.SIGKILL)", "process.kill()", (PROGRAMS,)),
+        ("waits for ever", "process.communicate(timeout=limit)", "process.communicate(timeout=None)", (PROGRAMS,)),
+        ("a driver that ends well", 'return next(lines, "")[:200] if self.code else ""', 'return ""', (TOLD,)),
     ),
     "codegen/evidence/units.py": (
         ("padding forgotten", "offset += -offset % align + chars", "offset += chars", (LEDGER,)),
