@@ -2643,8 +2643,8 @@ def _read_ripple(d, phase, math):
     """See the drive's C: what the ripple says of the resistance, and the voltage less what that takes."""
     c, (amplitude, sign), zero = d.control, d.injection, math.dtype(0)
     rejected = (d.status & INPUT_REJECTED) != 0
-    seen, amplitude = ((zero, zero), zero) if rejected else (phase, amplitude)
-    pulse = (amplitude, sign if c.delay != 0 else -sign)
+    seen = _select(rejected, (zero, zero), phase)
+    pulse = (np.where(rejected, zero, amplitude)[()], np.where(c.delay != 0, sign, -sign)[()])
     d.resistance, c.v_acting = learn_resistance(c.filter.x, seen, pulse, d.resistance, c.v_acting, math)
 
 
@@ -2659,7 +2659,7 @@ def drive_step(d, filter_step, phase, command, math):
         c.v_acting, c.v_queued = (zero, zero), (zero, zero)
     if s.anew != 0:
         c.integrator = (zero, zero, zero, zero)
-    if s.torque == 0 or s.rivals != 0:
+    if (s.torque == 0) | (s.rivals != 0):
         d.resistance = (zero,)
     if s.runs != 0:
         gain = c.gain
