@@ -17,7 +17,7 @@ from typing import Annotated
 import typer
 from rich.console import Console
 
-from costs import growth, python_time, step_tables
+from costs import blocks, growth, python_time, step_tables
 from costs.counting import Missing
 from costs.step_tables import X86, Length
 from costs.table import Table, Wanted
@@ -32,6 +32,7 @@ class Choice(StrEnum):
     python = "python"
     growth = "growth"
     passes = "passes"
+    blocks = "blocks"
 
 
 def main(
@@ -69,6 +70,7 @@ def measure(choices: list[Choice], length: Length, progress: step_tables.Progres
         Choice.python: lambda: python_time.python_table(length.steps, progress),
         Choice.growth: lambda: growth.growth_table(length, progress),
         Choice.passes: lambda: step_tables.passes_table(length, progress),
+        Choice.blocks: lambda: blocks.blocks_table(length, progress),
     }
     found = {choice: makers[choice]() for choice in dict.fromkeys(choices)}
     wanted = step_tables.wanted(found.get(Choice.peers), found.get(Choice.forms))

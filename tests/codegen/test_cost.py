@@ -25,7 +25,7 @@ from runtime.system.errors import UserError
 # The benchmark is a script with modules beside it, not a package of the project.
 sys.path.insert(0, str(Path(__file__).parents[2] / "benchmarks"))
 
-from costs import growth, ours, peers, step_tables
+from costs import blocks, growth, ours, peers, step_tables
 from costs.counting import Inputs, Missing, deviation, host_instructions, trace
 from costs.table import Table, Wanted
 
@@ -179,6 +179,23 @@ def test_every_row_is_there_or_says_why() -> None:
     assert (len(peers_rows.rows), len(forms.rows)) == (9, 2)
     _all_there(peers_rows)
     _all_there(forms)
+
+
+@pytest.mark.parametrize("kind", ["ckf", "ickf"])
+def test_the_parts_of_a_step_are_all_of_it(kind: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """What the listings count of whole blocks, a way of counting of their own, is what the parts add up to."""
+    monkeypatch.setattr(shutil, "which", lambda name: None)
+    rows = _rows(blocks.blocks_table(step_tables.Length(20, 5), lambda text: None, ["ipmsm_flux"]))
+    problem = ours.Problem.of(load_drive("ipmsm_flux"))
+    for column, ablation in (("literal", ours.LITERAL), ("fast", ours.SHIPPED)):
+        step, listings = build_ablation(problem.model, kind, problem.drive.filter.gain, ablation)
+        count = earned(ablation, step, listings).operations
+        expected = sum(count.values()) + 17 * count["sincos"] + 10 * count["small_angle"]
+        of_kind = {label: row[column] for label, row in rows.items() if label.startswith(f"ipmsm_flux, {kind}")}
+        *parts, whole, instructions = of_kind.values()
+        assert len(parts) == {"ckf": 3, "ickf": 4}[kind]
+        assert sum(map(float, parts)) == whole == expected  # type: ignore[arg-type]
+        assert isinstance(instructions, Missing)
 
 
 @pytest.mark.thorough

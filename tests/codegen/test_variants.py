@@ -19,9 +19,11 @@ from model.machines.base import Pair, Rotor
 from model.machines.state_space import build
 from model.machines.surface import SurfacePMSM
 from model.schema import Drive
+from runtime.proof import link_guard
 from runtime.proof.link_ab import Situations
 from runtime.proof.link_bc import link_bc
 from runtime.proof.result import Link
+from runtime.proof.second import second_motor
 from tests.conftest import thoroughly, variant
 
 DRAWS = 60
@@ -111,6 +113,30 @@ def test_fast_is_literal_in_any_order_of_the_root(name: str, order: list[int]) -
     (literal, _), (fast, steps) = module_of(drive, "literal"), module_of(ordered, "fast")
     crossed = link_bc(literal, fast, steps["ckf"], name, situations(drive, DRAWS))
     assert max(row.worst for row in crossed.rows) > 1e-3
+
+
+def test_an_iterate_that_does_not_settle_is_known_no_better_than_its_roundings(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A current at its limit, far from what is expected: each iterate grows what the one before was rounded by.
+
+    The literal form does what the reference does, so what is between them is rounding; without the measure of it the
+    link would fail here.
+    """
+    drive = variant(load_drive("ipmsm_flux"), filter={"kinds": ["ickf"], "root_order": None})
+    module, steps = module_of(drive, "literal")
+    drawn = situations(drive, 200)
+
+    def link() -> Link:
+        draws = drawn.x, drawn.P, drawn.u, drawn.y
+        return link_guard.link_guard(
+            module, steps["ickf"], drive.name, "literal", drive.model_dump(), second_motor(drive), draws
+        )
+
+    assert link().passed
+    monkeypatch.setattr(link_guard, "ROUNDINGS", 0)
+    assert [row.stage for row in link().rows if not row.passed] == [
+        "x, good, bad and missing",
+        "P, good, bad and missing",
+    ]
 
 
 # --- the turning frame

@@ -338,16 +338,26 @@ def test_effect_of_iterating(idle: bool, off: float, verdict: str, monkeypatch: 
 
 
 @pytest.mark.parametrize(
-    ("off", "condition", "moved", "passed"),
-    [(1e-9, 1.0, 0.0, True), (1e-8, 1.0, 0.0, False), (1e-8, 1e8, 0.0, True), (1e-4, 1e8, 0.0, False)],
+    ("off", "condition", "swayed", "passed"),
+    [
+        (1e-9, 1.0, 0.0, True),
+        (1e-8, 1.0, 0.0, False),
+        (1e-8, 1e8, 0.0, True),
+        (1e-4, 1e8, 0.0, False),
+        (1e-8, 1.0, 1e-9, True),
+        (1e-5, 1.0, 1e-9, False),
+    ],
 )
 def test_guard_judges_an_estimate_by_its_predictions_sigma(
-    off: float, condition: float, moved: float, passed: bool
+    off: float, condition: float, swayed: float, passed: bool
 ) -> None:
-    """Three samples of one filter, x off by so many sigmas; more is allowed only where Pyy is ill-conditioned."""
+    """Three samples of one filter, x off by so many sigmas.
+
+    More is allowed only where Pyy is ill-conditioned, or a rounding before the sample sways x by so many sigmas.
+    """
     x, P = np.zeros(2), np.diag([4.0, 0.01])
     sigma = np.array([2.0, 0.1])
-    wanted = [np.array([[value] * 3]) for value in (x, P, 0, 1, sigma, condition, np.full(2, moved))]
+    wanted = [np.array([[value] * 3]) for value in (x, P, 0, 1, sigma, condition, np.zeros(2), swayed * sigma, 0.0 * P)]
     found = [((x + off * sigma)[None], P[None], np.zeros(1, int), np.ones(1, int))] * 3
     link = link_guard._compare(SimpleNamespace(kind="ckf", gain="cubature"), "d", "fast", 1, wanted, found)  # type: ignore[arg-type]
     assert link.passed is passed
