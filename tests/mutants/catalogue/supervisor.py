@@ -353,7 +353,7 @@ _LEARNING: Rows = (
     ("learnt by the ripple along the axis", "_, across = rotor", "across, _ = rotor", FLUX),
     ("the current's direction forgotten", "left * across * i_q", "left * across", FLUX),
     ("no least resistance", "ca.fmax(ca.fmin(before - learning_gain(drive) * shown, most), -most)", "ca.fmin(before - learning_gain(drive) * shown, most)", FLUX),
-    ("no largest resistance", "ca.fmax(ca.fmin(before - learning_gain(drive) * shown, most), -most)", "ca.fmax(before - learning_gain(drive) * shown, -most)", FLUX),
+    ("always the largest resistance", "ca.fmin(before - learning_gain(drive) * shown, most)", "ca.fmin(ca.fmax(before - learning_gain(drive) * shown, most), most)", FLUX),
     ("added to the voltage", "v[k] - resistance * believed[k]", "v[k] + resistance * believed[k]", FLUX),
     ("of the resistance before", "v[k] - resistance * believed[k]", "v[k] - before * believed[k]", FLUX),
     ("a loop twice as fast", "bandwidth**2 * m.magnet_flux", "4 * bandwidth**2 * m.magnet_flux", ("pytest tests/model/test_resistance.py",)),
