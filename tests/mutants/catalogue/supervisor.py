@@ -337,7 +337,7 @@ _WAVE: Rows = (
     ("as much for both delays", "(answer if delay else -answer)", "answer", ("pytest tests/model/test_injection.py",)),
     ("no answer of the regulator", "2.0 * least / drive.model.sample_time + (answer if delay else -answer)", "2.0 * least / drive.model.sample_time", ("pytest tests/model/test_injection.py",)),
     ("no tolerance of the inductance", "(1.0 - (off or UNSTATED))", "(1.0 - off)", ("pytest tests/model/test_injection.py",)),
-    ("room of two pairs of legs", 'for one, other in ("ab", "bc", "ca"):', 'for one, other in ("ab", "bc"):', FLUX),
+    ("room of two pairs of legs", "ca.fmin(rooms[0], ca.fmin(rooms[1], rooms[2]))", "ca.fmin(rooms[0], rooms[1])", FLUX),
     ("room for the other sign", "span - s * d", "span + s * d", FLUX),
     ("as much room for a short pulse", "/ (span * span))", "/ span)", FLUX),
     ("room that is negative", "ca.fmax(span - s * d, 0.0)", "(span - s * d)", FLUX),
