@@ -16,15 +16,20 @@ LEARNING times the speed loop's bandwidth under rated torque, for
 
     delta' = p omega - ... - (R - R_0 - r) i_q / psi_m,    (i - h(x))_q = s V T / 2 (1 / L_d - 1 / L_q) delta.
 
-What is learnt stays within what the drive file says of the resistance, and begins anew with every start.
+What is learnt stays within what the drive file says of the resistance, and begins anew with every start. It is all of
+the voltage along the current that the filter does not know of: at rest what an inverter takes and no compensation has
+is in it, too. Where the axes differ by less than what tolerance leaves of them, the ripple says little, and k is less.
 """
 
 from __future__ import annotations
+
+import math
 
 import casadi as ca
 
 from model.filters.program import BlockBuilder
 from model.inverter import SQRT_3, TRANSFORM
+from model.loop.injection import UNSTATED as UNSTATED_INDUCTANCE
 from model.loop.injection import faded_constant, injected_voltage, left_of_wave
 from model.loop.references import record
 from model.machines.base import Rotor
@@ -64,7 +69,24 @@ def learning_gain(drive: Drive) -> float:
     bandwidth = LEARNING * drive.control.speed_bandwidth
     _, current = mtpa_currents(drive, rating(drive).current)
     shown = 0.5 * voltage * (1.0 / m.inductance_d - 1.0 / m.inductance_q)  # A/s per radian
-    return bandwidth**2 * m.magnet_flux / (shown * voltage * current**2)
+    return _trusted(drive) * bandwidth**2 * m.magnet_flux / (shown * voltage * current**2)
+
+
+def _trusted(drive: Drive) -> float:
+    """Share of the gain: the square of the saliency over that which tolerance makes of none, where it is less.
+
+    Without it k would go to infinity where the axes become alike, and carry the noise of the currents with it.
+
+    Parameters
+    ----------
+    drive : Drive
+        Its inductances, and how far they may be off.
+    """
+    m = drive.motor
+    off = (drive.tolerance.inductance if drive.tolerance else 0.0) or UNSTATED_INDUCTANCE
+    salient = 1.0 / m.inductance_d - 1.0 / m.inductance_q
+    unsure = off * math.hypot(1.0 / m.inductance_d, 1.0 / m.inductance_q)
+    return float(min(1.0, (salient / unsure) ** 2))
 
 
 def learning_constants(drive: Drive) -> tuple[Constant, ...]:

@@ -14,7 +14,7 @@ from codegen.output.version import __version__
 from runtime.drive.interface import controller_declarations
 from runtime.estimator.c_backend import c_sources
 from runtime.estimator.folder import GeneratedFolder
-from runtime.exports.variables import FIXED, INPUT, TUNABLE, variables
+from runtime.exports.variables import FIXED, INPUT, OUTPUT, TUNABLE, Variable, variables
 from runtime.system.errors import UserError
 
 
@@ -37,6 +37,12 @@ DATA_MODELS = {
 
 _SINGLE_MAX = 3.4028235e38
 
+#: What a drive that injects has beside the variables of other exports.
+_WAVE = (
+    Variable("injection", TUNABLE, "injection[0]", "V", "amplitude of the square wave, 0: none", "injection"),
+    Variable("injection_sign", OUTPUT, "injection[1]", "", "that the wave has next", "injection"),
+    Variable("resistance", OUTPUT, "resistance[0]", "ohm", "beyond the motor data, learnt from the wave", "resistance"),
+)
 
 #: Addresses have 32 bits.
 _MOST_ADDRESS = 0xFFFFFFFF
@@ -174,6 +180,7 @@ def a2l_text(folder: GeneratedFolder, kind: str, data_model: str, symbol: str, a
     if not (symbol.isidentifier() and symbol.isascii()):
         raise UserError(f"--symbol '{symbol}' is not the name of a variable in C.")
     known = {entry.place.removeprefix("drive."): entry for entry in variables(folder, "drive")}
+    known |= {entry.place: entry for entry in _WAVE}
     entries = []
     units: dict[str, None] = {}
     for leaf in leaves(drive_struct(folder, kind), model):

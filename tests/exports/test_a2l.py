@@ -79,12 +79,20 @@ def test_tuning_is_to_be_set_and_the_rest_to_be_measured() -> None:
         for entry in variables(folder, "drive")
         if entry.role in {TUNABLE, FIXED} and entry.name != "delay"
     }
-    assert {place for place, (kind, *_) in found.items() if kind == "CHARACTERISTIC"} == tuned
+    assert {place for place, (kind, *_) in found.items() if kind == "CHARACTERISTIC"} == tuned | {"injection[0]"}
     assert set(found) == {leaf.place for leaf in leaves(drive_struct(folder, "ickf"), DATA_MODELS["ilp32"])}
     for _, address, offset, _ in found.values():
         assert address == 0x20001000 + offset
     assert found["supervisor.mode"][3] == "SLONG"
     assert entries(a2l_text(folder, "ickf", "c28x", "d", 0))["supervisor.mode"][3] == "SWORD"
+
+
+def test_the_wave_and_the_resistance_have_their_units() -> None:
+    text = a2l_text(folder_of("ipmsm"), "ickf", "ilp32", "my_drive", 0)
+    assert 'CHARACTERISTIC my_drive.injection[0] "injection: amplitude of the square wave, 0: none"' in text
+    resistance = text[text.index("MEASUREMENT my_drive.resistance[0]") :]
+    assert "as_ohm" in resistance[: resistance.index("/end MEASUREMENT")]
+    assert "injection" not in a2l_text(folder_of("paper_spmsm"), "ickf", "ilp32", "my_drive", 0)
 
 
 def test_what_is_refused() -> None:
