@@ -125,6 +125,7 @@ PER_HIGH = 0.0185185185185185  # 1 / (54 V): all braking up to 1.15 of the DC li
 LINK_HIGH = 675.0  # 1.25 of the DC link, V: no braking from here up
 PER_BRAKING = 0.0625  # 1 / (0.02 of the box's speed)^2, (s/rad)^2
 PER_FADED_SPEED = 0.0477464829275686  # 1 / (0.2 of rated speed), s/rad
+MOST_HEARD = 336.9599999999999  # V: a larger wave teaches no faster
 LEARNING_GAIN = 0.00036867135343463426  # ohm / (V A^2), of one sample
 MOST_RESISTANCE = 0.7200000000000001  # ohm: so far the resistance may be larger
 LEAST_RESISTANCE = -0.7200000000000001  # ohm: or smaller
@@ -2076,7 +2077,8 @@ def learn_resistance(x, phase, pulse, resistance, v, math, stages=None):
     across = cos_theta * (i_beta_2 - i_beta) - sin_theta * (i_a - i_alpha)
     i_q = cos_theta * i_beta - sin_theta * i_alpha
     left = _larger(1.0 - PER_FADED_SPEED * _larger(omega, -omega), 0.0)
-    learnt = (_larger(_smaller(resistance_before - LEARNING_GAIN * (sign * amplitude * left * across * i_q),
+    heard = _smaller(_larger(amplitude, 0.0), MOST_HEARD)
+    learnt = (_larger(_smaller(resistance_before - LEARNING_GAIN * (sign * heard * left * across * i_q),
         MOST_RESISTANCE), LEAST_RESISTANCE))
 
     return (
@@ -2114,7 +2116,7 @@ def inject(rotor, duty, v, link, injection, math, stages=None):
     left = _larger(1.0 - PER_FADED_SPEED * _larger(omega, -omega), 0.0)
     v_link = _larger(v_dc, 1.0)
     room = _smaller(room_ab, _smaller(room_bc, room_ca))
-    size = _smaller(amplitude * left, v_link * room)
+    size = _smaller(_larger(amplitude * left, 0.0), v_link * room)
     share = size / v_link
     waved_a = duty_a + share * pulse_a
     waved_b = duty_b + share * pulse_b

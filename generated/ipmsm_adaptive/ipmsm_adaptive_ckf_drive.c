@@ -3,10 +3,10 @@
  *
  * Cost at most, a whole interrupt, CATCHING: 772 add, 1090 mul, 34 div, 7 sqrt, 119 compare, 73 select, 170 branch, 131 call;
  *   estimated 9010 cycles on C28x + FPU32 (k = 2.5; 14145 at k = 5; from published cycles, not measured), 406 words of state.
- * Cost at most, a whole interrupt, RUNNING: 812 add, 1125 mul, 38 div, 7 sqrt, 141 compare, 97 select, 173 branch, 153 call;
- *   estimated 9698 cycles on C28x + FPU32 (k = 2.5; 15135 at k = 5; from published cycles, not measured), 406 words of state.
- * Cost at most, a whole interrupt, STARTING: 1441 add, 2025 mul, 57 div, 7 sqrt, 189 compare, 114 select, 274 branch, 204 call;
- *   estimated 15890 cycles on C28x + FPU32 (k = 2.5; 25313 at k = 5; from published cycles, not measured), 406 words of state.
+ * Cost at most, a whole interrupt, RUNNING: 812 add, 1125 mul, 38 div, 7 sqrt, 144 compare, 100 select, 173 branch, 156 call;
+ *   estimated 9748 cycles on C28x + FPU32 (k = 2.5; 15201 at k = 5; from published cycles, not measured), 406 words of state.
+ * Cost at most, a whole interrupt, STARTING: 1441 add, 2025 mul, 57 div, 7 sqrt, 190 compare, 115 select, 274 branch, 205 call;
+ *   estimated 15908 cycles on C28x + FPU32 (k = 2.5; 25335 at k = 5; from published cycles, not measured), 406 words of state.
  */
 /* On the C28x these run from RAM, because flash has wait states. The pragma must come before any declaration, and takes
  * a name and a literal: hence here, and no macro. */
@@ -66,6 +66,7 @@
 #define LINK_HIGH 675.0f /* 1.25 of the DC link, V: no braking from here up */
 #define PER_BRAKING 0.0625f /* 1 / (0.02 of the box's speed)^2, (s/rad)^2 */
 #define PER_FADED_SPEED 0.047746483f /* 1 / (0.2 of rated speed), s/rad */
+#define MOST_HEARD 336.96f /* V: a larger wave teaches no faster */
 #define LEARNING_GAIN 0.00016385394f /* ohm / (V A^2), of one sample */
 #define MOST_RESISTANCE 0.72f /* ohm: so far the resistance may be larger */
 #define LEAST_RESISTANCE -0.72f /* ohm: or smaller */
@@ -167,11 +168,12 @@ static void learn_resistance(const float32 x[7], const float32 phase[2], const f
     const float32 i_q = cos_theta * i_beta_believed - sin_theta * i_alpha_believed;
     const float32 omega = x[2];
     const float32 left = larger(1.0f - PER_FADED_SPEED * larger(omega, -omega), 0.0f);
+    const float32 amplitude = pulse[0];
+    const float32 heard = smaller(larger(amplitude, 0.0f), MOST_HEARD);
     const float32 resistance_before = resistance[0];
     const float32 sign = pulse[1];
-    const float32 amplitude = pulse[0];
     const float32 learnt = larger(smaller(resistance_before -
-        LEARNING_GAIN * (sign * amplitude * left * across * i_q), MOST_RESISTANCE), LEAST_RESISTANCE);
+        LEARNING_GAIN * (sign * heard * left * across * i_q), MOST_RESISTANCE), LEAST_RESISTANCE);
     const float32 v_alpha = v[0];
     const float32 v_beta = v[1];
 
@@ -216,7 +218,7 @@ static void inject(const float32 rotor[2], const float32 duty[3], const float32 
     const float32 v_link = larger(v_dc, 1.0f);
     const float32 room = smaller(room_ab, smaller(room_bc, room_ca));
     const float32 amplitude = injection[0];
-    const float32 size = smaller(amplitude * left, v_link * room);
+    const float32 size = smaller(larger(amplitude * left, 0.0f), v_link * room);
     const float32 share = size / v_link;
     const float32 waved_a = duty_a + share * pulse_a;
     const float32 waved_b = duty_b + share * pulse_b;

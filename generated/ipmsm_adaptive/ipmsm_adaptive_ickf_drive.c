@@ -3,10 +3,10 @@
  *
  * Cost at most, a whole interrupt, CATCHING: 906 add, 1238 mul, 37 div, 7 sqrt, 121 compare, 74 select, 178 branch, 135 call;
  *   estimated 9902 cycles on C28x + FPU32 (k = 2.5; 15749 at k = 5; from published cycles, not measured), 406 words of state.
- * Cost at most, a whole interrupt, RUNNING: 946 add, 1273 mul, 41 div, 7 sqrt, 143 compare, 98 select, 181 branch, 157 call;
- *   estimated 10589 cycles on C28x + FPU32 (k = 2.5; 16739 at k = 5; from published cycles, not measured), 406 words of state.
- * Cost at most, a whole interrupt, STARTING: 1709 add, 2321 mul, 63 div, 7 sqrt, 193 compare, 116 select, 290 branch, 212 call;
- *   estimated 17674 cycles on C28x + FPU32 (k = 2.5; 28521 at k = 5; from published cycles, not measured), 406 words of state.
+ * Cost at most, a whole interrupt, RUNNING: 946 add, 1273 mul, 41 div, 7 sqrt, 146 compare, 101 select, 181 branch, 160 call;
+ *   estimated 10640 cycles on C28x + FPU32 (k = 2.5; 16805 at k = 5; from published cycles, not measured), 406 words of state.
+ * Cost at most, a whole interrupt, STARTING: 1709 add, 2321 mul, 63 div, 7 sqrt, 194 compare, 117 select, 290 branch, 213 call;
+ *   estimated 17690 cycles on C28x + FPU32 (k = 2.5; 28543 at k = 5; from published cycles, not measured), 406 words of state.
  */
 /* On the C28x these run from RAM, because flash has wait states. The pragma must come before any declaration, and takes
  * a name and a literal: hence here, and no macro. */
@@ -66,6 +66,7 @@
 #define LINK_HIGH 675.0f /* 1.25 of the DC link, V: no braking from here up */
 #define PER_BRAKING 0.0625f /* 1 / (0.02 of the box's speed)^2, (s/rad)^2 */
 #define PER_FADED_SPEED 0.047746483f /* 1 / (0.2 of rated speed), s/rad */
+#define MOST_HEARD 336.96f /* V: a larger wave teaches no faster */
 #define LEARNING_GAIN 0.00016385394f /* ohm / (V A^2), of one sample */
 #define MOST_RESISTANCE 0.72f /* ohm: so far the resistance may be larger */
 #define LEAST_RESISTANCE -0.72f /* ohm: or smaller */
@@ -167,11 +168,12 @@ static void learn_resistance(const float32 x[7], const float32 phase[2], const f
     const float32 i_q = cos_theta * i_beta_believed - sin_theta * i_alpha_believed;
     const float32 omega = x[2];
     const float32 left = larger(1.0f - PER_FADED_SPEED * larger(omega, -omega), 0.0f);
+    const float32 amplitude = pulse[0];
+    const float32 heard = smaller(larger(amplitude, 0.0f), MOST_HEARD);
     const float32 resistance_before = resistance[0];
     const float32 sign = pulse[1];
-    const float32 amplitude = pulse[0];
     const float32 learnt = larger(smaller(resistance_before -
-        LEARNING_GAIN * (sign * amplitude * left * across * i_q), MOST_RESISTANCE), LEAST_RESISTANCE);
+        LEARNING_GAIN * (sign * heard * left * across * i_q), MOST_RESISTANCE), LEAST_RESISTANCE);
     const float32 v_alpha = v[0];
     const float32 v_beta = v[1];
 
@@ -216,7 +218,7 @@ static void inject(const float32 rotor[2], const float32 duty[3], const float32 
     const float32 v_link = larger(v_dc, 1.0f);
     const float32 room = smaller(room_ab, smaller(room_bc, room_ca));
     const float32 amplitude = injection[0];
-    const float32 size = smaller(amplitude * left, v_link * room);
+    const float32 size = smaller(larger(amplitude * left, 0.0f), v_link * room);
     const float32 share = size / v_link;
     const float32 waved_a = duty_a + share * pulse_a;
     const float32 waved_b = duty_b + share * pulse_b;

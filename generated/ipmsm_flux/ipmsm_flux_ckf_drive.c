@@ -3,10 +3,10 @@
  *
  * Cost at most, a whole interrupt, CATCHING: 420 add, 614 mul, 27 div, 7 sqrt, 109 compare, 66 select, 143 branch, 124 call;
  *   estimated 6450 cycles on C28x + FPU32 (k = 2.5; 9472 at k = 5; from published cycles, not measured), 286 words of state.
- * Cost at most, a whole interrupt, RUNNING: 460 add, 650 mul, 31 div, 7 sqrt, 131 compare, 90 select, 149 branch, 146 call;
- *   estimated 7160 cycles on C28x + FPU32 (k = 2.5; 10488 at k = 5; from published cycles, not measured), 286 words of state.
- * Cost at most, a whole interrupt, STARTING: 735 add, 1072 mul, 43 div, 7 sqrt, 169 compare, 100 select, 223 branch, 190 call;
- *   estimated 10603 cycles on C28x + FPU32 (k = 2.5; 15793 at k = 5; from published cycles, not measured), 286 words of state.
+ * Cost at most, a whole interrupt, RUNNING: 460 add, 650 mul, 31 div, 7 sqrt, 134 compare, 93 select, 149 branch, 149 call;
+ *   estimated 7212 cycles on C28x + FPU32 (k = 2.5; 10554 at k = 5; from published cycles, not measured), 286 words of state.
+ * Cost at most, a whole interrupt, STARTING: 735 add, 1072 mul, 43 div, 7 sqrt, 170 compare, 101 select, 223 branch, 191 call;
+ *   estimated 10620 cycles on C28x + FPU32 (k = 2.5; 15815 at k = 5; from published cycles, not measured), 286 words of state.
  */
 /* On the C28x these run from RAM, because flash has wait states. The pragma must come before any declaration, and takes
  * a name and a literal: hence here, and no macro. */
@@ -66,6 +66,7 @@
 #define PER_BRAKING 0.0625f /* 1 / (0.02 of the box's speed)^2, (s/rad)^2 */
 #define INV_L_D_PSI_M 15.138889f /* INV_L_D * PSI_M */
 #define PER_FADED_SPEED 0.047746483f /* 1 / (0.2 of rated speed), s/rad */
+#define MOST_HEARD 336.96f /* V: a larger wave teaches no faster */
 #define LEARNING_GAIN 0.00036867135f /* ohm / (V A^2), of one sample */
 #define MOST_RESISTANCE 0.72f /* ohm: so far the resistance may be larger */
 #define LEAST_RESISTANCE -0.72f /* ohm: or smaller */
@@ -166,11 +167,12 @@ static void learn_resistance(const float32 x[4], const float32 phase[2], const f
     const float32 i_q = cos_theta * i_beta_believed - sin_theta * i_alpha_believed;
     const float32 omega = x[2];
     const float32 left = larger(1.0f - PER_FADED_SPEED * larger(omega, -omega), 0.0f);
+    const float32 amplitude = pulse[0];
+    const float32 heard = smaller(larger(amplitude, 0.0f), MOST_HEARD);
     const float32 resistance_before = resistance[0];
     const float32 sign = pulse[1];
-    const float32 amplitude = pulse[0];
     const float32 learnt = larger(smaller(resistance_before -
-        LEARNING_GAIN * (sign * amplitude * left * across * i_q), MOST_RESISTANCE), LEAST_RESISTANCE);
+        LEARNING_GAIN * (sign * heard * left * across * i_q), MOST_RESISTANCE), LEAST_RESISTANCE);
     const float32 v_alpha = v[0];
     const float32 v_beta = v[1];
 
@@ -215,7 +217,7 @@ static void inject(const float32 rotor[2], const float32 duty[3], const float32 
     const float32 v_link = larger(v_dc, 1.0f);
     const float32 room = smaller(room_ab, smaller(room_bc, room_ca));
     const float32 amplitude = injection[0];
-    const float32 size = smaller(amplitude * left, v_link * room);
+    const float32 size = smaller(larger(amplitude * left, 0.0f), v_link * room);
     const float32 share = size / v_link;
     const float32 waved_a = duty_a + share * pulse_a;
     const float32 waved_b = duty_b + share * pulse_b;

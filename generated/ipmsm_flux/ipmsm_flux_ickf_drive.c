@@ -3,10 +3,10 @@
  *
  * Cost at most, a whole interrupt, CATCHING: 781 add, 1067 mul, 38 div, 7 sqrt, 131 compare, 79 select, 164 branch, 152 call;
  *   estimated 9330 cycles on C28x + FPU32 (k = 2.5; 14475 at k = 5; from published cycles, not measured), 286 words of state.
- * Cost at most, a whole interrupt, RUNNING: 821 add, 1103 mul, 42 div, 7 sqrt, 153 compare, 103 select, 170 branch, 174 call;
- *   estimated 10041 cycles on C28x + FPU32 (k = 2.5; 15491 at k = 5; from published cycles, not measured), 286 words of state.
- * Cost at most, a whole interrupt, STARTING: 1457 add, 1978 mul, 65 div, 7 sqrt, 213 compare, 126 select, 265 branch, 246 call;
- *   estimated 16364 cycles on C28x + FPU32 (k = 2.5; 25799 at k = 5; from published cycles, not measured), 286 words of state.
+ * Cost at most, a whole interrupt, RUNNING: 821 add, 1103 mul, 42 div, 7 sqrt, 156 compare, 106 select, 170 branch, 177 call;
+ *   estimated 10092 cycles on C28x + FPU32 (k = 2.5; 15557 at k = 5; from published cycles, not measured), 286 words of state.
+ * Cost at most, a whole interrupt, STARTING: 1457 add, 1978 mul, 65 div, 7 sqrt, 214 compare, 127 select, 265 branch, 247 call;
+ *   estimated 16381 cycles on C28x + FPU32 (k = 2.5; 25821 at k = 5; from published cycles, not measured), 286 words of state.
  */
 /* On the C28x these run from RAM, because flash has wait states. The pragma must come before any declaration, and takes
  * a name and a literal: hence here, and no macro. */
@@ -66,6 +66,7 @@
 #define PER_BRAKING 0.0625f /* 1 / (0.02 of the box's speed)^2, (s/rad)^2 */
 #define INV_L_D_PSI_M 15.138889f /* INV_L_D * PSI_M */
 #define PER_FADED_SPEED 0.047746483f /* 1 / (0.2 of rated speed), s/rad */
+#define MOST_HEARD 336.96f /* V: a larger wave teaches no faster */
 #define LEARNING_GAIN 0.00036867135f /* ohm / (V A^2), of one sample */
 #define MOST_RESISTANCE 0.72f /* ohm: so far the resistance may be larger */
 #define LEAST_RESISTANCE -0.72f /* ohm: or smaller */
@@ -166,11 +167,12 @@ static void learn_resistance(const float32 x[4], const float32 phase[2], const f
     const float32 i_q = cos_theta * i_beta_believed - sin_theta * i_alpha_believed;
     const float32 omega = x[2];
     const float32 left = larger(1.0f - PER_FADED_SPEED * larger(omega, -omega), 0.0f);
+    const float32 amplitude = pulse[0];
+    const float32 heard = smaller(larger(amplitude, 0.0f), MOST_HEARD);
     const float32 resistance_before = resistance[0];
     const float32 sign = pulse[1];
-    const float32 amplitude = pulse[0];
     const float32 learnt = larger(smaller(resistance_before -
-        LEARNING_GAIN * (sign * amplitude * left * across * i_q), MOST_RESISTANCE), LEAST_RESISTANCE);
+        LEARNING_GAIN * (sign * heard * left * across * i_q), MOST_RESISTANCE), LEAST_RESISTANCE);
     const float32 v_alpha = v[0];
     const float32 v_beta = v[1];
 
@@ -215,7 +217,7 @@ static void inject(const float32 rotor[2], const float32 duty[3], const float32 
     const float32 v_link = larger(v_dc, 1.0f);
     const float32 room = smaller(room_ab, smaller(room_bc, room_ca));
     const float32 amplitude = injection[0];
-    const float32 size = smaller(amplitude * left, v_link * room);
+    const float32 size = smaller(larger(amplitude * left, 0.0f), v_link * room);
     const float32 share = size / v_link;
     const float32 waved_a = duty_a + share * pulse_a;
     const float32 waved_b = duty_b + share * pulse_b;

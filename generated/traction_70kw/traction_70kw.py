@@ -128,6 +128,7 @@ PER_HIGH = 0.016666666666666653  # 1 / (60 V): all braking up to 1.15 of the DC 
 LINK_HIGH = 750.0  # 1.25 of the DC link, V: no braking from here up
 PER_BRAKING = 0.0035600161767135063  # 1 / (0.02 of the box's speed)^2, (s/rad)^2
 PER_FADED_SPEED = 0.011936621315463415  # 1 / (0.2 of rated speed), s/rad
+MOST_HEARD = 36.49537314355211  # V: a larger wave teaches no faster
 LEARNING_GAIN = 5.26160649814703e-10  # ohm / (V A^2), of one sample
 MOST_RESISTANCE = 0.0036  # ohm: so far the resistance may be larger
 LEAST_RESISTANCE = -0.0036  # ohm: or smaller
@@ -2091,7 +2092,8 @@ def learn_resistance(x, phase, pulse, resistance, v, math, stages=None):
     across = cos_theta * (i_beta - i_beta_believed) - sin_theta * (i_a - i_alpha_believed)
     i_q = cos_theta * i_beta_believed - sin_theta * i_alpha_believed
     left = _larger(1.0 - PER_FADED_SPEED * _larger(omega, -omega), 0.0)
-    learnt = (_larger(_smaller(resistance_before - LEARNING_GAIN * (sign * amplitude * left * across * i_q),
+    heard = _smaller(_larger(amplitude, 0.0), MOST_HEARD)
+    learnt = (_larger(_smaller(resistance_before - LEARNING_GAIN * (sign * heard * left * across * i_q),
         MOST_RESISTANCE), LEAST_RESISTANCE))
 
     return (
@@ -2129,7 +2131,7 @@ def inject(rotor, duty, v, link, injection, math, stages=None):
     left = _larger(1.0 - PER_FADED_SPEED * _larger(omega, -omega), 0.0)
     v_link = _larger(v_dc, 1.0)
     room = _smaller(room_ab, _smaller(room_bc, room_ca))
-    size = _smaller(amplitude * left, v_link * room)
+    size = _smaller(_larger(amplitude * left, 0.0), v_link * room)
     share = size / v_link
     waved_a = duty_a + share * pulse_a
     waved_b = duty_b + share * pulse_b

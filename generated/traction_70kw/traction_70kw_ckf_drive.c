@@ -3,10 +3,10 @@
  *
  * Cost at most, a whole interrupt, CATCHING: 625 add, 908 mul, 29 div, 8 sqrt, 121 compare, 76 select, 152 branch, 138 call;
  *   estimated 8062 cycles on C28x + FPU32 (k = 2.5; 12387 at k = 5; from published cycles, not measured), 322 words of state.
- * Cost at most, a whole interrupt, RUNNING: 665 add, 944 mul, 33 div, 8 sqrt, 143 compare, 100 select, 157 branch, 160 call;
- *   estimated 8766 cycles on C28x + FPU32 (k = 2.5; 13396 at k = 5; from published cycles, not measured), 322 words of state.
- * Cost at most, a whole interrupt, STARTING: 1144 add, 1658 mul, 46 div, 9 sqrt, 193 compare, 120 select, 240 branch, 218 call;
- *   estimated 13842 cycles on C28x + FPU32 (k = 2.5; 21630 at k = 5; from published cycles, not measured), 322 words of state.
+ * Cost at most, a whole interrupt, RUNNING: 665 add, 944 mul, 33 div, 8 sqrt, 146 compare, 103 select, 157 branch, 163 call;
+ *   estimated 8817 cycles on C28x + FPU32 (k = 2.5; 13462 at k = 5; from published cycles, not measured), 322 words of state.
+ * Cost at most, a whole interrupt, STARTING: 1144 add, 1658 mul, 46 div, 9 sqrt, 194 compare, 121 select, 240 branch, 219 call;
+ *   estimated 13860 cycles on C28x + FPU32 (k = 2.5; 21652 at k = 5; from published cycles, not measured), 322 words of state.
  */
 /* On the C28x these run from RAM, because flash has wait states. The pragma must come before any declaration, and takes
  * a name and a literal: hence here, and no macro. */
@@ -66,6 +66,7 @@
 #define PER_BRAKING 0.0035600162f /* 1 / (0.02 of the box's speed)^2, (s/rad)^2 */
 #define INV_L_D_PSI_M 400.0f /* INV_L_D * PSI_M */
 #define PER_FADED_SPEED 0.011936622f /* 1 / (0.2 of rated speed), s/rad */
+#define MOST_HEARD 36.495373f /* V: a larger wave teaches no faster */
 #define LEARNING_GAIN 5.2616067e-10f /* ohm / (V A^2), of one sample */
 #define MOST_RESISTANCE 0.0036f /* ohm: so far the resistance may be larger */
 #define LEAST_RESISTANCE -0.0036f /* ohm: or smaller */
@@ -166,11 +167,12 @@ static void learn_resistance(const float32 x[5], const float32 phase[2], const f
     const float32 i_q = cos_theta * i_beta_believed - sin_theta * i_alpha_believed;
     const float32 omega = x[2];
     const float32 left = larger(1.0f - PER_FADED_SPEED * larger(omega, -omega), 0.0f);
+    const float32 amplitude = pulse[0];
+    const float32 heard = smaller(larger(amplitude, 0.0f), MOST_HEARD);
     const float32 resistance_before = resistance[0];
     const float32 sign = pulse[1];
-    const float32 amplitude = pulse[0];
     const float32 learnt = larger(smaller(resistance_before -
-        LEARNING_GAIN * (sign * amplitude * left * across * i_q), MOST_RESISTANCE), LEAST_RESISTANCE);
+        LEARNING_GAIN * (sign * heard * left * across * i_q), MOST_RESISTANCE), LEAST_RESISTANCE);
     const float32 v_alpha = v[0];
     const float32 v_beta = v[1];
 
@@ -215,7 +217,7 @@ static void inject(const float32 rotor[2], const float32 duty[3], const float32 
     const float32 v_link = larger(v_dc, 1.0f);
     const float32 room = smaller(room_ab, smaller(room_bc, room_ca));
     const float32 amplitude = injection[0];
-    const float32 size = smaller(amplitude * left, v_link * room);
+    const float32 size = smaller(larger(amplitude * left, 0.0f), v_link * room);
     const float32 share = size / v_link;
     const float32 waved_a = duty_a + share * pulse_a;
     const float32 waved_b = duty_b + share * pulse_b;

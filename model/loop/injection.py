@@ -140,7 +140,7 @@ def injection_block(drive: Drive) -> Block:
     v_link = ca.fmax(v_dc, LEAST_LINK)
     pulse = _legs(Rotor.at(theta).to_stator((sign, 0.0)))
     room, named = _room(duty, pulse)
-    size = ca.fmin(amplitude * left, v_link * room)
+    size = ca.fmin(ca.fmax(amplitude * left, 0.0), v_link * room)  # of what is no number none
     share = size / v_link
     added = Rotor.at(theta).to_stator((sign * size, 0.0))
     waved = [d + share * leg for d, leg in zip(duty, pulse, strict=True)]

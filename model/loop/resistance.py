@@ -19,6 +19,7 @@ LEARNING times the speed loop's bandwidth under rated torque, for
 What is learnt stays within what the drive file says of the resistance, and begins anew with every start. It is all of
 the voltage along the current that the filter does not know of: at rest what an inverter takes and no compensation has
 is in it, too. Where the axes differ by less than what tolerance leaves of them, the ripple says little, and k is less.
+A wave that someone made larger teaches no faster than the drive's own.
 """
 
 from __future__ import annotations
@@ -100,6 +101,7 @@ def learning_constants(drive: Drive) -> tuple[Constant, ...]:
         *TRANSFORM,
         faded_constant(drive),
         Constant("LEARNING_GAIN", learning_gain(drive), "ohm / (V A^2), of one sample", None),
+        Constant("MOST_HEARD", injected_voltage(drive), "V: a larger wave teaches no faster", None),
         Constant("MOST_RESISTANCE", most_resistance(drive), "ohm: so far the resistance may be larger", None),
         Constant("LEAST_RESISTANCE", -most_resistance(drive), "ohm: or smaller", None),
     )
@@ -131,7 +133,8 @@ def learning_block(drive: Drive, model: StateSpaceModel) -> Block:
     _, across = rotor.to_rotor((i[0] - believed[0], i[1] - believed[1]))
     _, i_q = rotor.to_rotor((believed[0], believed[1]))
     left = left_of_wave(drive, omega)
-    shown = sign * amplitude * left * across * i_q
+    heard = ca.fmin(ca.fmax(amplitude, 0.0), injected_voltage(drive))  # of what is no number nothing
+    shown = sign * heard * left * across * i_q
     most = most_resistance(drive)
     resistance = ca.fmax(ca.fmin(before - learning_gain(drive) * shown, most), -most)
     record(
@@ -145,6 +148,7 @@ def learning_block(drive: Drive, model: StateSpaceModel) -> Block:
             "across": across,
             "i_q": i_q,
             "left": left,
+            "heard": heard,
             "learnt": resistance,
         },
     )

@@ -47,6 +47,7 @@ def injected(
     """
     link = link if link > LEAST_LINK else LEAST_LINK
     size, legs = amplitude * max(0.0, 1.0 - abs(rotor[0]) / faded), np.exp(-2j * np.pi / 3 * np.arange(3))
+    size = min(size, link) if size > 0.0 else 0.0  # the link is more than there is room for anywhere
     pulse = sign * np.exp(1j * rotor[1])
     size = _fitting(duty, np.real(pulse * legs) / link, size)
     waved = duty + np.real(size * pulse * legs) / link
@@ -55,7 +56,7 @@ def injected(
 
 def _fitting(duty: Array, more: Array, size: float) -> float:
     """The size of a pulse, at most this one, with which no two legs are further apart than a period."""
-    if np.ptp(duty + size * more) <= 1.0 or size <= 0.0:
+    if np.ptp(duty + size * more) <= 1.0:
         return size
     fits, beyond = 0.0, size
     for _ in range(HALVINGS):
@@ -85,7 +86,8 @@ def learnt(
     axis = np.exp(-1j * rotor[1])
     error, current = (axis * (i - believed)).imag, (axis * believed).imag
     left = max(0.0, 1.0 - abs(rotor[0]) * module.PER_FADED_SPEED)
-    after = before - module.LEARNING_GAIN * wave[0] * wave[1] * left * error * current
+    heard = min(wave[0], module.MOST_HEARD) if wave[0] > 0.0 else 0.0
+    after = before - module.LEARNING_GAIN * heard * wave[1] * left * error * current
     return float(np.sign(after) * min(abs(after), module.MOST_RESISTANCE))
 
 
@@ -109,14 +111,15 @@ def link_injection(module: ModuleType, drive: str, kind: str, gain: str, link: f
         duty = np.clip(rng.uniform(-0.2, 1.2, 3), 0.0, 1.0) if k % 2 else rng.uniform(0.2, 0.8, 3)
         v, rotor = rng.uniform(-link, link, 2), np.array([rng.uniform(-2, 2) * faded, rng.uniform(-4, 4)])
         measured = (link * rng.uniform(0.5, 1.5), 0.0, -link)[0 if k % 5 else k // 5 % 3]
-        amplitude, sign = link * rng.uniform(0, 0.6), rng.choice([-1.0, 1.0])
-        found = module.inject(tuple(rotor), tuple(duty), tuple(v), (measured,), (amplitude, sign), math)
+        amplitude, sign = _amplitude(rng, link), rng.choice([-1.0, 1.0])
+        with np.errstate(invalid="ignore"):  # an infinite wave of which speed leaves nothing
+            found = module.inject(tuple(rotor), tuple(duty), tuple(v), (measured,), (amplitude, sign), math)
         wanted = injected(rotor, duty, complex(*v), measured, amplitude, sign, faded)
         errors.append(
             [
                 np.max(np.abs(np.array(found[0]) - wanted[0])),
                 abs(complex(*found[1]) - wanted[1]) / link,
-                abs(found[2][0] - amplitude) + abs(found[2][1] + sign),
+                float(not np.array_equal(found[2], (amplitude, -sign), equal_nan=True)),
                 max(0.0, np.max(np.abs(np.array(found[0]) - 0.5)) - 0.5),
             ]
         )
@@ -128,6 +131,11 @@ def link_injection(module: ModuleType, drive: str, kind: str, gain: str, link: f
     }
     rows = [*_rows(errors, named, "square wave on the d axis"), *_resistance(module, link, rng)]
     return Link("injection", "wave by hand = generated float64", drive, kind, gain, f"{2 * DRAWS} draws", tuple(rows))
+
+
+def _amplitude(rng: np.random.Generator, link: float) -> float:
+    """The wave's, V: mostly one that fits, now and then negative, no number, or absurd."""
+    return float(rng.choice([link * rng.uniform(0, 0.6), -link, np.nan, np.inf, 1e3 * link], p=[0.8, *[0.05] * 4]))
 
 
 def _rows(errors: list[list[float]], named: Mapping[str, float], what: str) -> list[Row]:
@@ -150,7 +158,7 @@ def _resistance(module: ModuleType, link: float, rng: np.random.Generator) -> li
         believed = complex(*module.believed_currents(tuple(x), math))
         i = believed + current * rng.choice([1e-3, 0.1]) * complex(*rng.uniform(-1, 1, 2))
         phase = (i.real, (np.sqrt(3.0) * i.imag - i.real) / 2)
-        wave, v = (link * rng.uniform(0, 0.6), rng.choice([-1.0, 1.0])), rng.uniform(-link, link, 2)
+        wave, v = (_amplitude(rng, link), rng.choice([-1.0, 1.0])), rng.uniform(-link, link, 2)
         before = most * float(np.clip(rng.uniform(-1.3, 1.3), -1.0, 1.0))
         found = module.learn_resistance(tuple(x), phase, wave, (before,), tuple(v), math)
         wanted = learnt(x[[omega, theta]], i, believed, wave, before, module)

@@ -82,6 +82,7 @@
 #define LINK_HIGH 675.0f /* 1.25 of the DC link, V: no braking from here up */
 #define PER_BRAKING 0.0625f /* 1 / (0.02 of the box's speed)^2, (s/rad)^2 */
 #define PER_FADED_SPEED 0.047746483f /* 1 / (0.2 of rated speed), s/rad */
+#define MOST_HEARD 336.96f /* V: a larger wave teaches no faster */
 #define LEARNING_GAIN 0.00016385394f /* ohm / (V A^2), of one sample */
 #define MOST_RESISTANCE 0.72f /* ohm: so far the resistance may be larger */
 #define LEAST_RESISTANCE -0.72f /* ohm: or smaller */
@@ -1185,8 +1186,9 @@ static void learn_resistance(const lanes *__restrict x, const lanes *__restrict 
         const float32 across = cos_theta * (i_beta - i_beta_believed) - sin_theta * (i_a - i_alpha_believed);
         const float32 i_q = cos_theta * i_beta_believed - sin_theta * i_alpha_believed;
         const float32 left = larger(1.0f - PER_FADED_SPEED * larger(omega, -omega), 0.0f);
+        const float32 heard = smaller(larger(amplitude, 0.0f), MOST_HEARD);
         const float32 learnt = larger(smaller(resistance_before -
-            LEARNING_GAIN * (sign * amplitude * left * across * i_q), MOST_RESISTANCE), LEAST_RESISTANCE);
+            LEARNING_GAIN * (sign * heard * left * across * i_q), MOST_RESISTANCE), LEAST_RESISTANCE);
 
         resistance_out[0].of[lane] = learnt;
         v_out[0].of[lane] = v_alpha - learnt * i_alpha_believed;
@@ -1235,7 +1237,7 @@ static void inject(const lanes *__restrict rotor, const lanes *__restrict duty, 
         const float32 left = larger(1.0f - PER_FADED_SPEED * larger(omega, -omega), 0.0f);
         const float32 v_link = larger(v_dc, 1.0f);
         const float32 room = smaller(room_ab, smaller(room_bc, room_ca));
-        const float32 size = smaller(amplitude * left, v_link * room);
+        const float32 size = smaller(larger(amplitude * left, 0.0f), v_link * room);
         const float32 share = size / v_link;
         const float32 waved_a = duty_a + share * pulse_a;
         const float32 waved_b = duty_b + share * pulse_b;

@@ -19,6 +19,7 @@ from tests.mutants.catalogue.recordings import RECORDINGS
 from tests.mutants.catalogue.supervisor import SUPERVISOR
 from tests.mutants.catalogue.surroundings import SURROUNDINGS
 from tests.mutants.catalogue.tolerance import TOLERANCE
+from tests.mutants.catalogue.wave import WAVE
 from tests.mutants.mutant import Mutant
 
 SOURCES: tuple[Mutant, ...] = (
@@ -32,6 +33,7 @@ SOURCES: tuple[Mutant, ...] = (
     *ARITHMETIC,
     *CONTROL,
     *SUPERVISOR,
+    *WAVE,
     *ALIGNMENT,
     *DRIVE_LANES,
     *SURROUNDINGS,

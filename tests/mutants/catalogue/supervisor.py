@@ -333,33 +333,6 @@ _DRIVE_C: Rows = (
     ("what it takes of the voltage to come", "d->resistance, d->control.v_acting, d->resistance", "d->resistance, d->control.v_queued, d->resistance", FLUX),
 )  # fmt: skip
 
-_WAVE: Rows = (
-    ("as much for both delays", "(answer if delay else -answer)", "answer", ("pytest tests/model/test_injection.py",)),
-    ("no answer of the regulator", "2.0 * least / drive.model.sample_time + (answer if delay else -answer)", "2.0 * least / drive.model.sample_time", ("pytest tests/model/test_injection.py",)),
-    ("no tolerance of the inductance", "(1.0 - (off or UNSTATED))", "(1.0 - off)", ("pytest tests/model/test_injection.py",)),
-    ("room of two pairs of legs", "ca.fmin(rooms[0], ca.fmin(rooms[1], rooms[2]))", "ca.fmin(rooms[0], rooms[1])", FLUX),
-    ("room for the other sign", "span - s * d", "span + s * d", FLUX),
-    ("as much room for a short pulse", "/ (span * span))", "/ span)", FLUX),
-    ("room that is negative", "ca.fmax(span - s * d, 0.0)", "(span - s * d)", FLUX),
-    ("the wave never fades", "amplitude * left, v_link", "amplitude, v_link", FLUX),
-    ("legs not centred", "centre = 0.5 - 0.5 * (lowest + highest)", "centre = 0.0 * (lowest + highest)", FLUX),
-    ("told half of it", "v[1] + added[1]]", "v[1] + 0.5 * added[1]]", FLUX),
-    ("a sign that stays", "[amplitude, -sign]", "[amplitude, sign]", FLUX),
-)  # fmt: skip
-
-_LEARNING: Rows = (
-    ("learnt the other way", "before - learning_gain(drive) * shown", "before + learning_gain(drive) * shown", FLUX),
-    ("learnt at speed", "shown = sign * amplitude * left * across", "shown = sign * amplitude * across", FLUX),
-    ("learnt by the ripple along the axis", "_, across = rotor", "across, _ = rotor", FLUX),
-    ("the current's direction forgotten", "left * across * i_q", "left * across", FLUX),
-    ("no least resistance", "ca.fmax(ca.fmin(before - learning_gain(drive) * shown, most), -most)", "ca.fmin(before - learning_gain(drive) * shown, most)", FLUX),
-    ("always the largest resistance", "ca.fmin(before - learning_gain(drive) * shown, most)", "ca.fmin(ca.fmax(before - learning_gain(drive) * shown, most), most)", FLUX),
-    ("added to the voltage", "v[k] - resistance * believed[k]", "v[k] + resistance * believed[k]", FLUX),
-    ("of the resistance before", "v[k] - resistance * believed[k]", "v[k] - before * believed[k]", FLUX),
-    ("a loop twice as fast", "bandwidth**2 * m.magnet_flux", "4 * bandwidth**2 * m.magnet_flux", ("pytest tests/model/test_resistance.py",)),
-    ("any tolerance is the usual one", "(share or UNSTATED)", "UNSTATED", ("pytest tests/model/test_resistance.py",)),
-)  # fmt: skip
-
 _MODULE: Rows = (
     ("gates on: another's word", "    return duty, s.inverter", "    return duty, s.runs", LOADED),
     ("all torque at once, Python", "s.eased[0] * gain", "gain", LOADED),
@@ -393,8 +366,6 @@ SUPERVISOR = (
     *rows_of("codegen/render/templates/supervisor.c.j2", _SUPERVISOR_C),
     *rows_of("model/loop/link_limits.py", _LINK),
     *rows_of("model/loop/observability.py", _SEEN),
-    *rows_of("model/loop/injection.py", _WAVE),
-    *rows_of("model/loop/resistance.py", _LEARNING),
     *rows_of("codegen/render/templates/drive.c.j2", _DRIVE_C),
     *rows_of("codegen/render/templates/supervisor.py.j2", _MODULE),
 )
