@@ -14,6 +14,8 @@ from runtime.proof.modes import Modes
 
 #: Interrupts of an alignment after those of a drive that aligns.
 ALIGNED = 100
+#: Interrupts in RUNNING, many with currents to reject, of a drive that learns from the square wave's ripple.
+LEARNING = 40
 
 
 def inputs(hand: Modes, rng: np.random.Generator, dtype: Any) -> tuple[Any, Any]:
@@ -93,21 +95,23 @@ def _set_mode(
         s.aligning = (dtype(rng.choice([0.0, 0.7, 1.0, 1.6, 2.0])),)
 
 
-def count(hand: Modes, samples: int) -> int:
+def count(hand: Modes, module: ModuleType, samples: int) -> int:
     """Of :func:`draws`.
 
     Parameters
     ----------
     hand : Modes
+    module : ModuleType
+        The generated module.
     samples : int
     """
-    return samples + (ALIGNED if hand.aligns else 0)
+    return samples + (ALIGNED if hand.aligns else 0) + (LEARNING if hasattr(module, "inject") else 0)
 
 
 def draws(
     d: SimpleNamespace, module: ModuleType, hand: Modes, rng: np.random.Generator, dtype: Any, samples: int
 ) -> Iterator[tuple[bool, Any, Any]]:
-    """Whether the drive was changed, and currents and command, interrupt by interrupt; then alignments, if it aligns.
+    """Whether the drive was changed, and currents and command, interrupt by interrupt; then what it alone does.
 
     Parameters
     ----------
@@ -122,8 +126,10 @@ def draws(
     """
     for _ in range(samples):
         yield set_drive(d, module, hand, rng, dtype), *inputs(hand, rng, dtype)
-    for _ in range(count(hand, 0)):
+    for _ in range(ALIGNED if hand.aligns else 0):
         yield True, *_set_aligned(d, module, hand, rng, dtype)
+    for _ in range(LEARNING if hasattr(module, "inject") else 0):
+        yield True, *_set_learning(d, module, hand, rng, dtype)
 
 
 def _set_aligned(
@@ -138,6 +144,17 @@ def _set_aligned(
     phase[rng.integers(2)] *= rng.choice([1.0, np.nan, np.inf, 1e6], p=(0.85, 0.05, 0.05, 0.05))
     link = hand.link * rng.uniform(0.4, 1.4) * rng.choice([1.0, np.nan, np.inf, 1e6], p=(0.85, 0.05, 0.05, 0.05))
     return tuple(dtype(v) for v in phase), (dtype(0.0), dtype(link))
+
+
+def _set_learning(
+    d: SimpleNamespace, module: ModuleType, hand: Modes, rng: np.random.Generator, dtype: Any
+) -> tuple[Any, Any]:
+    """RUNNING with some resistance learnt; more than half of the currents are to be rejected."""
+    _set_mode(d.supervisor, "RUNNING", module, hand, rng, dtype)
+    d.resistance = (dtype(rng.uniform(-1, 1) * module.MOST_RESISTANCE),)
+    phase, command = inputs(hand, rng, dtype)
+    strange = rng.choice([1.0, np.nan, np.inf, 1e6], 2, p=(0.6, 0.15, 0.15, 0.1))
+    return tuple(dtype(i * s) for i, s in zip(phase, strange, strict=True)), command
 
 
 def _set_angle(f: SimpleNamespace, module: ModuleType, rng: np.random.Generator, dtype: Any) -> None:

@@ -74,12 +74,13 @@ def link_drive(
         any_memory(compiled, folder.module, ANY_MEMORY),
         _drive_bits(compiled, folder.module, kind, hand, samples),
     )
-    data = f"{LANES * interrupts} interrupts, {2 * count(hand, samples)} of the drive, {compiler_name()} -O0"
+    drawn = 2 * count(hand, folder.module, samples)
+    data = f"{LANES * interrupts} interrupts, {drawn} of the drive, {compiler_name()} -O0"
     claim = "supervisor and drive: NumPy float32 = C, bit for bit"
     bits = Link("D-E", claim, folder.drive, kind, gain, data, rows)
     found = by_hand(folder.module, kind, hand, samples)
     claim = "drive by hand = generated float64"
-    return [Link("supervisor", claim, folder.drive, kind, gain, f"{2 * count(hand, samples)} interrupts", found), bits]
+    return [Link("supervisor", claim, folder.drive, kind, gain, f"{drawn} interrupts", found), bits]
 
 
 # --- by hand
@@ -113,9 +114,9 @@ def by_hand(module: ModuleType, kind: str, hand: Modes, samples: int) -> tuple[R
             worst = max(worst, _deviation(found, [*_numbers(wanted), *duty_wanted, inverter_wanted]))
     missed = float(len(set(module.MODES) - seen))
     return (
-        Row("-", "drive", "every field, duty cycles, inverter", worst, ALLOWED, 2 * count(hand, samples)),
+        Row("-", "drive", "every field, duty cycles, inverter", worst, ALLOWED, 2 * count(hand, module, samples)),
         Row("-", "drive, modes", "not visited", missed, 0.0, len(seen)),
-        Row("-", "drive, angle", "never seen, or always", float(2 - len(bits)), 0.0, 2 * count(hand, samples)),
+        Row("-", "drive, angle", "never seen, or always", float(2 - len(bits)), 0.0, 2 * count(hand, module, samples)),
         _by_link(module, hand),
     )
 
@@ -392,4 +393,6 @@ def _drive_bits(compiled: Compiled, module: ModuleType, kind: str, hand: Modes, 
                 duties, told = module.drive_step(twin, module.STEPS[kind], phase, command, math)
             same = list(duty) == [float(v) for v in duties] and inverter == int(told)
             different += int(not same or bool(_differ(view, twin).any()))
-    return Row("-", "drive, every field", "interrupts that differ", float(different), 0.0, 2 * count(hand, samples))
+    return Row(
+        "-", "drive, every field", "interrupts that differ", float(different), 0.0, 2 * count(hand, module, samples)
+    )

@@ -47,7 +47,7 @@ def injected(
     """
     link = link if link > LEAST_LINK else LEAST_LINK
     size, legs = amplitude * max(0.0, 1.0 - abs(rotor[0]) / faded), np.exp(-2j * np.pi / 3 * np.arange(3))
-    size = min(size, link) if size > 0.0 else 0.0  # the link is more than there is room for anywhere
+    size = min(size, 2 * link) if size > 0.0 else 0.0  # from corner to corner the hexagon measures 4 / 3 of the link
     pulse = sign * np.exp(1j * rotor[1])
     size = _fitting(duty, np.real(pulse * legs) / link, size)
     waved = duty + np.real(size * pulse * legs) / link

@@ -58,7 +58,6 @@ _WAVE: Rows = (
     ("lanes: learnt from a current that was rejected", "(rejected != 0) ? 0.0f : phase[1].of[lane]", "phase[1].of[lane]", FLUX_LANES),
     ("lanes: learnt from no current at all", "(rejected != 0) ? 0.0f : d->injection[0].of[lane]", "d->injection[0].of[lane]", FLUX_LANES),
     ("lanes: the last motor's resistance", "(alone != 0) ? before : 0.0f", "before", FLUX_LANES),
-    ("lanes: learnt where nothing runs", "((d->supervisor.runs[lane] != 0) ? 1 : 0) & alone", "alone", FLUX_LANES),
     ("lanes: learnt with a rival", "((d->supervisor.runs[lane] != 0) ? 1 : 0) & alone", "((d->supervisor.runs[lane] != 0) ? 1 : 0)", FLUX_LANES),
     ("lanes: nothing taken from the voltage", "(learns != 0) ? v[k].of[lane] : acting", "acting", FLUX_LANES),
 )  # fmt: skip
