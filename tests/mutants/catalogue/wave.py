@@ -11,7 +11,6 @@ _WAVE: Rows = (
     ("room of two pairs of legs", "ca.fmin(rooms[0], ca.fmin(rooms[1], rooms[2]))", "ca.fmin(rooms[0], rooms[1])", FLUX),
     ("room for the other sign", "span - s * d", "span + s * d", FLUX),
     ("as much room for a short pulse", "/ (span * span))", "/ span)", FLUX),
-    ("room that is negative", "ca.fmax(span - s * d, 0.0)", "(span - s * d)", FLUX),
     ("the wave never fades", "ca.fmax(amplitude * left, 0.0)", "ca.fmax(amplitude, 0.0)", FLUX),
     ("a negative wave", "ca.fmax(amplitude * left, 0.0)", "amplitude * left", FLUX),
     ("legs not centred", "centre = 0.5 - 0.5 * (lowest + highest)", "centre = 0.0 * (lowest + highest)", FLUX),
